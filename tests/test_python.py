@@ -493,7 +493,10 @@ def test_figures_alone_need_matplotlib(monkeypatch):
 
 @pytest.mark.parametrize(
     ("is_installed", "command"),
-    [(True, "'pip install pandas'"), (False, r"\.venv/bin/pip install -e '\.\[sweep,tables\]'")],
+    [
+        (True, "'pip install pandas'"),
+        (False, r"\.venv/bin/pip install -e '\.\[review,sweep,tables\]'"),
+    ],
 )
 def test_a_missing_package_is_named_with_the_command_that_installs_it(
     monkeypatch, is_installed, command

@@ -56,7 +56,7 @@ apt_install() {
 }
 
 # ensure_system [test]: compiler, CMake, headers, Python; with `test` also GoogleTest, what the
-# importer ecos needs, and Wine if DOCKLOOP_PLATFORMS has win64.
+# importer ecos and PDF files need, and Wine if DOCKLOOP_PLATFORMS has win64.
 ensure_system() {
   local missing=()
   command -v g++ >/dev/null || missing+=(g++)
@@ -71,6 +71,8 @@ ensure_system() {
   if [ "${1:-}" = test ]; then
     [ -f /usr/include/gtest/gtest.h ] || missing+=(libgtest-dev)
     [ -e "/usr/lib/$(uname -m)-linux-gnu/libtbb.so.12" ] || missing+=(libtbb12)
+    [ -e "/usr/lib/$(uname -m)-linux-gnu/libpangoft2-1.0.so.0" ] || missing+=(libpangoft2-1.0-0)
+    [ -e "/usr/lib/$(uname -m)-linux-gnu/libharfbuzz-subset.so.0" ] || missing+=(libharfbuzz-subset0)
     if [[ " ${DOCKLOOP_PLATFORMS:-} " = *" win64 "* ]]; then
       [ -x /usr/lib/wine/wine64 ] || missing+=(wine64)
     fi

@@ -18,10 +18,10 @@ def import_optional(name: str, package: str | None = None) -> Any:
 
     try:
         return importlib.import_module(name)
-    except ImportError as error:
+    except (ImportError, OSError) as error:  # a library of the system may be missing
         command = f"'pip install {package or name}'"
         if not paths.IS_INSTALLED:
-            command = "\".venv/bin/pip install -e '.[sweep,tables]'\" in the clone"
+            command = "\".venv/bin/pip install -e '.[review,sweep,tables]'\" in the clone"
         raise DockloopError(
             f"the package {package or name} is needed here ({error}): install it by {command}"
         ) from None

@@ -14,6 +14,7 @@ from typing import Any
 from dockloop.base.errors import one_line
 from dockloop.base.files import Kind, read_head, writing
 from dockloop.base.number import say_number
+from dockloop.base.progress import import_optional
 from dockloop.base.template import fill
 
 FACTS = ("what", "is")  # heads of a table of names and what they are
@@ -32,7 +33,7 @@ class Section:
         table: heads, then rows of texts, numbers and Booleans; without rows it is left out.
         points: sentences, one a line.
         commands: lines for a terminal, each with a remark.
-        figures: PNG files, for pages.
+        figures: PNG or SVG files, for pages.
         links: pages that show the motion, by remark.
     """
 
@@ -125,14 +126,61 @@ def write_html(path: Path, command: str, report: Iterable[Section]) -> None:
     Raises:
         DockloopError: it cannot be written.
     """
+    with writing(path, html_kind(command)) as partial:
+        partial.write_bytes(_begin(command) + _fill(command, report).encode())
+
+
+def write_pdf(path: Path, command: str, report: Iterable[Section]) -> None:
+    """Write a report as a PDF: the page of `write_html` on sheets of paper.
+
+    Raises:
+        DockloopError: it cannot be written, or the package weasyprint is missing.
+    """
+    printer = import_optional("weasyprint")
+    fonts = printer.text.fonts.FontConfiguration()
+    sheet = printer.CSS(string=_list_fonts(), font_config=fonts)
+    page = printer.HTML(string=_fill(command, report))
+    made = page.write_pdf(stylesheets=[sheet], font_config=fonts)
+    with writing(path, pdf_kind(command)) as partial:
+        partial.write_bytes(made + _end(command))
+
+
+def _list_fonts() -> str:
+    """Return the style of letters that come with matplotlib: a machine may have none."""
+    from matplotlib import get_data_path
+
+    folder = (Path(get_data_path()) / "fonts" / "ttf").as_uri()
+    faces = (
+        ("DejaVuSans", "Sheet", 400),
+        ("DejaVuSans-Bold", "Sheet", 700),
+        ("DejaVuSansMono", "Sheet Mono", 400),
+    )
+    lines = (
+        f"@font-face {{ font-family: '{name}'; font-weight: {weight};"
+        f" src: url('{folder}/{file}.ttf') }}"
+        for file, name, weight in faces
+    )
+    return "\n".join((*lines, "body { font-family: Sheet } pre { font-family: Sheet Mono }"))
+
+
+def pdf_kind(command: str) -> Kind:
+    """Return the kind of the PDF of a command, which ends with a comment."""
+    return Kind("report", command, lambda path: path.read_bytes().endswith(_end(command)))
+
+
+def _end(command: str) -> bytes:
+    return f"\n% made by {command}\n".encode()
+
+
+def _fill(command: str, report: Iterable[Section]) -> str:
+    """Return the page of a report."""
 
     def embed(figure: Path) -> str:
-        return base64.b64encode(figure.read_bytes()).decode()
+        kind = "svg+xml" if figure.suffix == ".svg" else figure.suffix[1:]
+        return f"data:image/{kind};base64,{base64.b64encode(figure.read_bytes()).decode()}"
 
     values = {"sections": _choose(report), "command": command}
-    text = fill("base", "report.html", **values, embed=embed, say=say_cell)
-    with writing(path, html_kind(command)) as partial:
-        partial.write_bytes(_begin(command) + text.encode())
+    return fill("base", "report.html", **values, embed=embed, say=say_cell)
 
 
 def html_kind(command: str) -> Kind:

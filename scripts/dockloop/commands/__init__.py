@@ -16,6 +16,7 @@ COMMANDS = {  # what each does, in the order of `dockloop --help`
     "build": "build the FMU of a scene",
     "ssp": "build an SSP package: the docking FMU connected to one FMU per vehicle",
     "run": "run one docking through its FMU",
+    "review": "write a report of one docking for a review board, as a page and as a PDF",
     "view": "write a page that shows a docking in three dimensions; it opens offline",
     "live": "open a page with sliders that computes the docking anew while one moves",
     "compare": "lay measured time histories over a run: time shift, peaks, energies, differences",

@@ -1,0 +1,356 @@
+"""The command ``dockloop review``: one docking for a review board, as a page and as a PDF.
+
+A run with its numerical errors, the mechanism, travel against stops, the worst direction of a start
+condition, the boundary of success in that direction, and with a fit the band of the loads.
+"""
+
+import argparse
+import re
+import shlex
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dockloop.api import sweep
+from dockloop.base import paths
+from dockloop.base.errors import UsageError
+from dockloop.base.figures import can_draw, save_figure
+from dockloop.base.files import MADE_BY, claim, figure_kind, json_kind
+from dockloop.base.number import check_whole, read_if_number
+from dockloop.base.progress import ProgressBar, import_optional
+from dockloop.base.sections import Section, html_kind, list_files, pdf_kind, write_html, write_pdf
+from dockloop.base.words import list_words
+from dockloop.native import core
+from dockloop.report.plots import list_plots, write_plots
+from dockloop.report.run import complete_report
+from dockloop.result.capture import WITH_CAPTURE
+from dockloop.result.recording import Result
+from dockloop.result.summary import COMMAND as RUN
+from dockloop.result.summary import write_summary
+from dockloop.runs.docking import run
+from dockloop.scene.find import find_scene
+from dockloop.scene.hardware import find_extent, make_hardware
+from dockloop.scene.mechanism_drawing import SHEET, write_drawing
+from dockloop.studies.envelopes.command import Envelope, Range, envelope, parse_range
+from dockloop.studies.envelopes.report import report_envelope
+from dockloop.sweeps.sampling import parse_setting
+
+COMMAND = "dockloop review"
+CRITERION = "captured and load_ratio < 1"
+_OFFSET, _SPEED = "initial.lateral_offset", "initial.closing_speed"
+_PART = 0.5  # of the extent of the hardware: the largest offset, unless the user says one
+_SPEEDS = (0.25, 4.0)  # of the closing speed of the scene, likewise
+_DIRECTIONS = {  # of magnitudes that have one
+    _OFFSET: "initial.lateral_direction_deg",
+    "initial.lateral_speed": "initial.lateral_speed_direction_deg",
+    "initial.pitch_yaw_deg": "initial.pitch_yaw_direction_deg",
+    "initial.pitch_yaw_rate_deg_s": "initial.pitch_yaw_rate_direction_deg",
+}
+_TRAVELS = (  # outputs, and the parameters of their stops
+    (r"(leg\[\d+\])\.length", r"\.stops\.min_length", r"\.stops\.max_length"),
+    (r"(element\[\d+\])\.coordinate", r"\.law\[\d+\]\.lower", r"\.law\[\d+\]\.upper"),
+)
+_LOAD_RATIO = "capture.peak.load_ratio"
+
+
+def run_command(options: argparse.Namespace) -> dict[str, Any]:
+    """Run, draw, write both files; returns the summary.
+
+    Raises:
+        UsageError: an option is bad.
+        DockloopError: the work failed, or a package is missing.
+    """
+    path = find_scene(options.scene)
+    folder = options.output or paths.RESULTS / "reviews" / path.stem
+    pages = [folder / "review.html"]
+    if not options.no_pdf:
+        import_optional("weasyprint")
+        pages.append(folder / "review.pdf")
+    check_whole("--directions", options.directions, 1, 360)
+    check_whole("--cases", options.cases, 2, 10_000)
+    stem = folder / "review"
+    drawing, boundary = folder / "review_mechanism.svg", folder / "review_envelope.png"
+    for figure in list_plots(stem):
+        claim(figure, figure_kind(RUN))
+    claim(boundary, figure_kind(COMMAND))
+    claim(drawing, SHEET)
+    claim(pages[0], html_kind(COMMAND))
+    claim(pages[-1], html_kind(COMMAND) if options.no_pdf else pdf_kind(COMMAND))
+    claim(folder / "summary.json", json_kind("summary", COMMAND))
+
+    overrides = dict(parse_setting("--scene", text) for text in options.overrides)
+    settings = dict(parse_setting("--set", text) for text in options.set)
+    if options.accuracy is not None:
+        settings["accuracy"] = read_if_number(options.accuracy)
+    more: dict[str, Any] = {"overrides": overrides, "start_values": settings}
+    more |= {"stop": options.stop, "step": options.step}
+    progress = ProgressBar(path.stem)
+    result = run(options.scene, estimate_error=True, progress=progress, **more)
+    axes = _choose_axes(options, result.scene)
+    worst = _find_worst(options, overrides | settings, axes)
+    if worst:
+        overrides[worst["name"]] = worst["value"]
+    found = _find_envelope(options, axes, more, worst)
+    band = _find_band(options, overrides | settings)
+
+    figures = write_plots(result, stem) if can_draw() else []
+    plots = list(figures)
+    if found and can_draw():
+        save_figure(found.plot(), boundary, COMMAND)
+        figures.append(boundary)
+    if mechanism := _get_mechanism(result.scene):
+        write_drawing(drawing, mechanism, core.check(mechanism, path))
+        figures.append(drawing)
+    travels = list(list_travels(result))
+    summary = {
+        MADE_BY: COMMAND,
+        "scene": result.summary["scene"],
+        "run": {name: value for name, value in result.summary.items() if name != "model"},
+        "travels": [dict(zip(_TRAVEL_HEADS, row, strict=True)) for row in travels],
+        "worst": worst,
+        "envelope": found.summary if found else None,
+        "band": band,
+    }
+    words = ["dockloop", "run", options.scene, *list_words(options, ("stop", "step", "accuracy"))]
+    head, outcome, *others = complete_report(result.summary, plots, words)
+    head.commands = [("This report again", shlex.join(_repeat(options))), *head.commands]
+    sections = [
+        head,
+        outcome,
+        others.pop(0),
+        _report_errors(result.error_estimate),
+        Section("Travel against stops", table=[_TRAVEL_HEADS, *travels] if travels else []),
+        Section("Mechanism at home", figures=[drawing] if mechanism else []),
+        *_report_worst(worst),
+        *(_report_envelope(found, [boundary] if boundary in figures else []) if found else []),
+        *_report_band(band, options.fitted),
+        *others,
+    ]
+    write_html(pages[0], COMMAND, sections)
+    if not options.no_pdf:
+        write_pdf(pages[1], COMMAND, sections)
+    files = [*pages, *figures, folder / "summary.json"]
+    write_summary(summary, files[-1], files)
+    return summary
+
+
+def report_review(summary: dict[str, Any]) -> list[Section]:
+    """Return what the terminal shows: the outcome, what is close to a limit, the files."""
+    loads = [
+        (name, load["value"], load["unit"], None if load.get("ratio") is None else load["ratio"])
+        for name, load in summary["run"].get("peak_loads", {}).items()
+    ]
+    facts = [("outcome", summary["run"].get("outcome", "not judged"))]
+    if error := summary["run"].get("error_estimate"):
+        facts.append(("error", error["sentence"]))
+    if worst := summary["worst"]:
+        facts.append(("worst direction", f"{worst['name']} = {worst['value']:g}: {worst['why']}"))
+    for criterion in (summary["envelope"] or {"criteria": []})["criteria"]:
+        facts.append(("boundary", f"{criterion['text']}: {criterion['met']:.1%} of the box"))
+    facts += list_files(summary.get("files", []))
+    heads = ("load", "peak", "unit", "of the rated")
+    return [
+        Section(f"Review of {summary['scene']}", table=[("what", "is"), *facts]),
+        Section("Peak loads", table=[heads, *loads]),
+        Section("Travel against stops", table=[_TRAVEL_HEADS, *_list_rows(summary["travels"])]),
+    ]
+
+
+def _list_rows(rows: list[dict[str, Any]]) -> Iterator[list[Any]]:
+    yield from (list(row.values()) for row in rows)
+
+
+_TRAVEL_HEADS = ("part", "lowest", "highest", "lower stop", "upper stop", "unit", "left")
+
+
+def list_travels(result: Result) -> Iterator[tuple]:
+    """Yield how far each leg and element came, at communication points, and what its stops leave.
+
+    What is left is the smallest distance to a stop, as a part of the travel between both.
+    """
+    for name, unit in zip(result.names, result.units, strict=True):
+        for pattern, *ends in _TRAVELS:
+            if not (found := re.fullmatch(pattern, name)):
+                continue
+            part = found[1]
+            low, high = float(result[name].min()), float(result[name].max())
+            lower, upper = (_find_stop(result, re.escape(part) + end) for end in ends)
+            if lower is None or upper is None:
+                continue
+            left = min(low - lower, upper - high) / (upper - lower)
+            yield part, low, high, lower, upper, unit, f"{left:.0%}"
+
+
+def _find_stop(result: Result, pattern: str) -> float | None:
+    """Return the parameter of a stop; None: there is none, or it is nowhere."""
+    names = (name for name in result.parameters if re.fullmatch(pattern, name))
+    value = result.parameters.get(next(names, ""), np.inf)
+    return float(value) if np.isfinite(value) else None
+
+
+def _get_mechanism(scene: dict) -> dict | None:
+    mechanism = scene["mechanism"]
+    return mechanism if mechanism.get("bodies") or mechanism.get("legs") else None
+
+
+def _choose_axes(options: argparse.Namespace, scene: dict) -> list[Range]:
+    """Return the quantities of the boundary: those of the user, or offset and speed."""
+    given = [("--x", options.x), ("--y", options.y)]
+    if any(words for _, words in given):
+        if not all(words for _, words in given):
+            raise UsageError("--x, --y: the boundary has two quantities: give both, or none")
+        return [parse_range(option, words) for option, words in given]
+    initial = scene["initial"]
+    if initial.get("at") != "first_contact" or not initial.get("closing_speed", 0.0) > 0.0:
+        return []  # the scene states vehicles as they are: nothing says what may vary
+    extent = find_extent(make_hardware(scene["mechanism"]))
+    speeds = (factor * initial["closing_speed"] for factor in _SPEEDS)
+    return [(_OFFSET, 0.0, _PART * extent), (_SPEED, *speeds)]
+
+
+def _find_worst(
+    options: argparse.Namespace, settings: dict[str, Any], axes: Sequence[Range]
+) -> dict[str, Any] | None:
+    """Return the worst of equal directions of the first quantity that has one, in mid-range."""
+    chosen = next((axis for axis in axes if axis[0] in _DIRECTIONS), None)
+    if chosen is None or options.directions == 1:
+        return None
+    magnitude, low, high = chosen
+    direction = _DIRECTIONS[magnitude]
+    settings = {k: v for k, v in settings.items() if k not in (magnitude, direction)}
+    angles = [360.0 * i / options.directions for i in range(options.directions)]
+    middle = 0.5 * (low + high)
+    table = sweep(
+        {
+            "scene": options.scene,
+            "set": {**settings, magnitude: middle},
+            "vary": [{"type": "grid", "name": direction, "values": angles}],
+            "experiment": _make_experiment(options),
+        },
+        workers=options.workers,
+    )
+    done = table[table["status"] == "done"].reset_index()
+    rows = [
+        [
+            float(row[direction]),
+            str(row["outcome"]) if "outcome" in done else None,
+            float(row[_LOAD_RATIO]) if _LOAD_RATIO in done else None,
+        ]
+        for _, row in done.iterrows()
+    ]
+    if not rows:
+        return None
+    angle, outcome, ratio = max(rows, key=lambda row: (row[1] not in WITH_CAPTURE, row[2] or 0.0))
+    return {
+        "name": direction,
+        "value": angle,
+        "at": {magnitude: middle},
+        "why": f"load ratio {ratio:.3f}" if outcome in WITH_CAPTURE and ratio else str(outcome),
+        "directions": rows,
+    }
+
+
+def _make_experiment(options: argparse.Namespace) -> dict[str, float]:
+    given = {"stop": options.stop, "step": options.step}
+    return {name: value for name, value in given.items() if value is not None}
+
+
+def _find_envelope(
+    options: argparse.Namespace, axes: Sequence[Range], more: dict, worst: dict | None
+) -> Envelope | None:
+    """Return the boundary in the worst direction; None: the scene says nothing that may vary."""
+    if not axes:
+        return None
+    decided = {axis[0] for axis in axes}
+    settings = {
+        member: {k: v for k, v in more[member].items() if k not in decided}
+        for member in ("overrides", "start_values")
+    }
+    return envelope(
+        options.scene,
+        *axes,
+        criteria=options.criterion,
+        **{**more, **settings},
+        tolerance=options.tolerance,
+        fitted=options.fitted,
+        workers=options.workers,
+    )
+
+
+def _find_band(options: argparse.Namespace, settings: dict[str, Any]) -> dict[str, Any] | None:
+    """Return the peak loads with parameters drawn from a fit; None: there is no fit."""
+    if options.fitted is None:
+        return None
+    members = {"scene": options.scene, "set": settings, "cases": options.cases}
+    members["experiment"] = _make_experiment(options)
+    table = sweep(members, fitted=options.fitted, workers=options.workers)
+    done = table[table["status"] == "done"]
+    loads = {
+        name.removeprefix("capture.peak."): {
+            "unit": table.attrs["units"].get(name, ""),
+            "low": float(done[name].quantile(0.025)),
+            "median": float(done[name].median()),
+            "high": float(done[name].quantile(0.975)),
+        }
+        for name in done.columns
+        if re.fullmatch(r"capture\.peak\.\w+", name)
+    }
+    return {"cases": len(done), "loads": loads}
+
+
+# ------------------------------------------------------------------------------------- words
+
+
+def _report_errors(estimate: dict[str, Any]) -> Section:
+    rows = [(name, f"{error:.1e}") for name, error in estimate.get("figures", {}).items()]
+    return Section(
+        "Numerical error",
+        estimate.get("sentence", ""),
+        [("figure", "relative error, by a second run"), *rows],
+    )
+
+
+def _report_worst(worst: dict[str, Any] | None) -> Iterator[Section]:
+    if worst:
+        ((magnitude, middle),) = worst["at"].items()
+        yield Section(
+            "The worst direction",
+            f"{worst['name']} = {worst['value']:g}: {worst['why']}, with {magnitude} ="
+            f" {middle:.4g}. The boundary below is in this direction.",
+            [(worst["name"], "outcome", "load ratio"), *worst["directions"]],
+        )
+
+
+def _report_envelope(found: Envelope, figures: list[Path]) -> Iterator[Section]:
+    head, *others = report_envelope(found.summary)
+    head.title = "The boundary of success"
+    head.figures = figures
+    yield head
+    yield from others
+
+
+def _report_band(band: dict[str, Any] | None, file: str | None) -> Iterator[Section]:
+    if band:
+        rows = [(name, *(load[k] for k in ("low", "median", "high", "unit")))
+                for name, load in band["loads"].items()]  # fmt: skip
+        yield Section(
+            "Loads with the uncertainty of the fit",
+            f"{band['cases']} dockings with parameters drawn from {file}.",
+            [("load", "2.5 %", "median", "97.5 %", "unit"), *rows],
+        )
+
+
+def _repeat(options: argparse.Namespace) -> list[str]:
+    """Return the words of this command."""
+    words = ["dockloop", "review", options.scene, *list_words(options, ("stop", "step"))]
+    for letter in "xy":
+        if given := getattr(options, letter):
+            words += [f"--{letter}", *given]
+    for option, member in (("--accuracy", "accuracy"), ("--from", "fitted")):
+        value = getattr(options, member)
+        words += [] if value is None else [option, str(value)]
+    for text in options.criterion:
+        words += ["--criterion", text]
+    return words
