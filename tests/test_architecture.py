@@ -26,6 +26,7 @@ MAY_SEE = {
     "sim": {"math", "model", "contact", "mechanism", "docking", "integrate"},
     "interface": {"math", "model", "mechanism", "docking", "sim"},
     "fmu": {"mechanism", "sim", "interface"},
+    "api": {"math", "docking", "sim", "interface", "fmu"},
     # No room sees these: other ways to compute the same, and two programs.
     "compare": {
         *("math", "model", "tree", "loops", "mechanism", "contact", "docking"),
@@ -33,7 +34,7 @@ MAY_SEE = {
     },
     "codegen": {"math", "model", "tree", "loops", "mechanism", "docking"},
     "check": {"math", "model", "tree", "loops", "contact", "mechanism", "docking", "interface"},
-    "python": {"mechanism", "docking", "sim", "interface", "fmu", "check"},
+    "python": {"docking", "sim", "interface", "check", "api"},
 }
 # Where an outside library may be included: library header prefix -> folders.
 LIBRARIES = {

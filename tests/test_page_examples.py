@@ -50,6 +50,7 @@ ELSEWHERE = {  # beginning of a line, or what is in it: why it does not run here
     r"scripts/(demo|test|bench|platforms|fuzz)\b": "sets up or tests the whole project",
     r"(cmake|ctest|cc|npm|npx|cp) ": "compiles, or fetches packages",
     r"build/release/": "a program for developers",
+    r"build/example/": "tests/test_cpp.py",
     r"(\.venv/bin/)?pip install": "installs packages; tests/test_package.py",
     r"\.venv/bin/python (-m pytest|tests/)": "runs the tests",
     r"\.venv/bin/python scripts/examples/": "tests/test_examples.py, tests/test_ssp.py",

@@ -10,15 +10,16 @@
 
 #include <atomic>
 #include <chrono>
-#include <mutex>
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "api/docking.hpp"
+#include "api/placing.hpp"
 #include "check/mechanism_check.hpp"
 #include "docking/phases.hpp"
 #include "docking/scene_mechanism.hpp"
 #include "interface/model_description.hpp"
-#include "python/docking.hpp"
+#include "interface/variables.hpp"
 #include "sim/host_diagnosis.hpp"
 #include "sim/solver_methods.hpp"
 
@@ -53,26 +54,9 @@ struct Taken {
 
 using FreeThreads = nb::call_guard<Released>;
 
-/// Holds the docking, and not the interpreter while it waits: the thread that steps may need the
-/// interpreter before it lets go.
-class Held {
- public:
-  explicit Held(Docking& docking) : lock_(docking.mutex, std::defer_lock) {
-    const Released free;
-    lock_.lock();
-  }
-
- private:
-  std::unique_lock<std::recursive_mutex> lock_;
-};
-
 /// A step that the user stops ends with KeyboardInterrupt. @pre without the interpreter
 template <class Body>
-auto make_steps(Docking& docking, Body&& body) {
-  docking.interruption = [] {
-    const Taken held;
-    return PyErr_CheckSignals() != 0;
-  };
+auto make_steps(Body&& body) {
   try {
     return body();
   } catch (const StepError&) {
@@ -82,30 +66,33 @@ auto make_steps(Docking& docking, Body&& body) {
   }
 }
 
-/// A method whose calls from several threads wait for each other, without the interpreter.
-template <class Result, class... Arguments>
-auto one_at_a_time(Result (Docking::*method)(Arguments...)) {
-  return [method](Docking& self, Arguments... arguments) -> Result {
-    const Released free;
-    const std::lock_guard lock(self.mutex);
-    return (self.*method)(std::forward<Arguments>(arguments)...);
-  };
+/// A docking whose steps the user can stop. @pre without the interpreter
+void make_docking(Docking* self, const std::string& document, const std::string& source,
+                  bool place) {
+  new (self) Docking(document, source, place);
+  self->use_interruption([] {
+    const Taken held;
+    return PyErr_CheckSignals() != 0;
+  });
 }
 
 /// The rows of the variable table, as the constructor of dockloop.native.variables.Variable takes
 /// them.
 nb::list list_variables(Docking& self) {
-  const Held held(self);
+  const auto all = [&] {
+    const Released free;
+    return self.variables();
+  }();
   nb::list rows;
-  for (const Variable& v : self.variables()) {
+  for (const VariableFacts& v : all) {
     nb::object start = nb::none();
-    if (v.has_start()) {
-      start = v.type == Type::kReal      ? nb::object(nb::float_(*static_cast<double*>(v.start)))
-              : v.type == Type::kInteger ? nb::object(nb::int_(*static_cast<int*>(v.start)))
-                                         : nb::object(nb::bool_(*static_cast<char*>(v.start) != 0));
+    if (v.start) {
+      start = v.type == name_of(Type::kReal)      ? nb::object(nb::float_(*v.start))
+              : v.type == name_of(Type::kInteger) ? nb::object(nb::int_(static_cast<int>(*v.start)))
+                                                  : nb::object(nb::bool_(*v.start != 0.0));
     }
-    rows.append(nb::make_tuple(v.name, name_of(v.type), name_of(v.causality),
-                               name_of(v.variability), v.unit, start, v.min, v.max, v.description));
+    rows.append(nb::make_tuple(v.name, v.type, v.causality, v.variability, v.unit, start, v.min,
+                               v.max, v.description));
   }
   return rows;
 }
@@ -148,7 +135,6 @@ std::string describe(const std::string& document, const std::string& source,
 /// Steps to all times; returns the values, shape (points, rows), and wall times [s].
 nb::tuple record(Docking& self, std::vector<double> times, std::vector<int> rows,
                  double end_after_outcome, bool last_only, nb::object progress) {
-  if (times.empty()) throw ModelError("there are no times to step to");
   const size_t columns = rows.size();
   RecordOrder order{std::move(times), std::move(rows), end_after_outcome, last_only, {}};
   order.progress = [&](double part) {
@@ -160,8 +146,7 @@ nb::tuple record(Docking& self, std::vector<double> times, std::vector<int> rows
   nb::capsule owner(done, [](void* p) noexcept { delete static_cast<Record*>(p); });
   {
     const Released free;
-    const std::lock_guard lock(self.mutex);
-    *done = make_steps(self, [&] { return self.record(order); });
+    *done = make_steps([&] { return self.record(order); });
   }
   const size_t points = columns > 0 ? done->values.size() / columns : 0;
   nb::ndarray<nb::numpy, double> values(done->values.data(), {points, columns}, owner);
@@ -255,9 +240,7 @@ NB_MODULE(_core, m) {
       [](const std::exception_ptr& p, void* type) {
         try {
           std::rethrow_exception(p);
-        } catch (const Refusal& error) {
-          PyErr_SetString(static_cast<PyObject*>(type), error.what());
-        } catch (const Discard& error) {
+        } catch (const UsageError& error) {
           PyErr_SetString(static_cast<PyObject*>(type), error.what());
         }
       },
@@ -294,49 +277,46 @@ NB_MODULE(_core, m) {
       nb::arg("newton") = false, FreeThreads());
 
   nb::class_<Docking>(m, "Docking")
-      .def(nb::init<const std::string&, const std::string&, bool>(), nb::arg("document"),
-           nb::arg("source"), nb::arg("place") = false, FreeThreads())
+      .def("__init__", &make_docking, nb::arg("document"), nb::arg("source"),
+           nb::arg("place") = false, FreeThreads())
       .def("variables", &list_variables)
       .def("find", &Docking::find, nb::arg("names"), FreeThreads())
       .def_prop_ro("touches", &Docking::touches)
-      .def_prop_ro("time",
-                   [](Docking& self) {
-                     const Held held(self);
-                     return self.time();
-                   })
-      .def("set", one_at_a_time(&Docking::set), nb::arg("rows"), nb::arg("values"),
-           nb::arg("caller") = "")
-      .def("get", one_at_a_time(&Docking::get), nb::arg("rows"))
-      .def("differentiable", &Docking::list_differentiable)
-      .def("derivatives", one_at_a_time(&Docking::find_derivatives), nb::arg("unknowns"),
-           nb::arg("knowns"))
-      .def("start", one_at_a_time(&Docking::start))
-      .def("reset", one_at_a_time(&Docking::reset))
+      .def_prop_ro("time", &Docking::time, FreeThreads())
+      .def("set",
+           nb::overload_cast<const std::vector<int>&, const std::vector<double>&,
+                             const std::string&>(&Docking::set),
+           nb::arg("rows"), nb::arg("values"), nb::arg("caller") = "", FreeThreads())
+      .def("get", nb::overload_cast<const std::vector<int>&>(&Docking::get), nb::arg("rows"),
+           FreeThreads())
+      .def("differentiable", &Docking::differentiable, FreeThreads())
+      .def("derivatives", &Docking::derivatives, nb::arg("unknowns"), nb::arg("knowns"),
+           FreeThreads())
+      .def("start", &Docking::start, FreeThreads())
+      .def("reset", &Docking::reset, FreeThreads())
       .def(
-          "step",
-          [](Docking& self, double h) {
-            const Released free;
-            const std::lock_guard lock(self.mutex);
-            make_steps(self, [&] { self.step(h); });
-          },
-          nb::arg("h"))
+          "step", [](Docking& self, double h) { make_steps([&] { self.step(h); }); }, nb::arg("h"),
+          FreeThreads())
       .def("record", &record, nb::arg("times"), nb::arg("rows"),
            nb::arg("end_after_outcome") = std::numeric_limits<double>::infinity(),
            nb::arg("last_only") = false, nb::arg("progress") = nb::none())
       .def("save",
-           [](Docking& self) {
-             const Held held(self);
-             const std::vector<char> bytes = self.save();
+           [](const Docking& self) {
+             const auto bytes = [&] {
+               const Released free;
+               return self.save();
+             }();
              return nb::bytes(bytes.data(), bytes.size());
            })
       .def(
           "restore",
           [](Docking& self, const nb::bytes& state) {
-            const Held held(self);
-            self.restore(state.c_str(), state.size());
+            const std::vector<char> bytes(state.c_str(), state.c_str() + state.size());
+            const Released free;
+            self.restore(bytes);
           },
           nb::arg("state"))
-      .def("take_warnings", one_at_a_time(&Docking::take_warnings))
-      .def("take_notes", one_at_a_time(&Docking::take_notes))
-      .def("log_left_out", one_at_a_time(&Docking::log_left_out));
+      .def("take_warnings", &Docking::take_warnings, FreeThreads())
+      .def("take_notes", &Docking::take_notes, FreeThreads())
+      .def("log_left_out", &Docking::log_left_out, FreeThreads());
 }

@@ -13,6 +13,7 @@ have been made by the same command. The sign of this is in the file, never its n
 | page in Markdown | it begins with the title of all of them |
 | page in HTML, drawing, film | a comment in it names the command |
 | FMU, SSP package | it holds a scene of this program; all FMUs in a package do |
+| document of a scene | it is such a scene |
 
 An empty file is foreign, too. Whatever lies in the folder ``build/`` of a clone is its own, also if
 an older version wrote it. `Kind` says it for one kind of file; kinds stand next to what
@@ -118,10 +119,10 @@ def read_entry(path: Path | BinaryIO, name: str) -> bytes:
         raise ValueError(f"{name} in it cannot be unpacked ({error})") from None
 
 
-def check_suffix(path: Path, suffix: str) -> None:
+def check_suffix(path: Path, *suffixes: str) -> None:
     """Check how the name of a file ends that the user has chosen. Raises UsageError."""
-    if path.suffix != suffix:
-        raise UsageError(f"-o {shown(path)}: must end in {suffix}")
+    if path.suffix not in suffixes:
+        raise UsageError(f"-o {shown(path)}: must end in {' or '.join(suffixes)}")
 
 
 def claim(path: Path, kind: Kind, option: str = "-o") -> None:

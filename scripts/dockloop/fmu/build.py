@@ -39,7 +39,7 @@ from dockloop.fmu.page import describe_needs, make_page
 from dockloop.fmu.sources import list_sources, source_entries
 from dockloop.fmu.terminals import make_terminals
 from dockloop.native.core import check, describe, to_json
-from dockloop.scene.carried import MODEL, read_model
+from dockloop.scene.carried import MODEL, is_document, read_model
 from dockloop.scene.find import find_scene
 from dockloop.scene.placement import place_vehicles
 from dockloop.scene.resolve import resolve_scene
@@ -49,6 +49,7 @@ _LAST_ZIP_DATE = 4354819199  # 2107-12-31T23:59:59Z
 
 
 FMU = Kind("FMU", "dockloop build", lambda path: bool(read_model(path)))
+DOCUMENT = Kind("document", "dockloop build", is_document)
 
 
 def build_fmu(
@@ -96,6 +97,26 @@ def build_fmu(
         with writing(output, FMU) as partial:
             shutil.copyfile(made, partial)
     return output
+
+
+def build_document(reference: str, overrides: list[str] | tuple[str, ...], output: Path) -> None:
+    """Write the resolved scene alone, as an FMU would carry it: for programs in C++.
+
+    Args:
+        reference: name or path of the scene.
+        overrides: as for `build_fmu`.
+        output: the file.
+
+    Raises:
+        UsageError: scene, mechanism, override or name of the file is bad.
+        DockloopError: the compiled parts are missing, or the file cannot be written.
+    """
+    source = find_scene(reference)
+    document = resolve_scene(source, overrides)
+    claim(output, DOCUMENT)
+    place_vehicles(document, source)
+    with writing(output, DOCUMENT) as partial:
+        partial.write_bytes(to_json(document).encode())
 
 
 def write_fmu(

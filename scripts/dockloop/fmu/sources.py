@@ -11,7 +11,7 @@ from xml.sax.saxutils import quoteattr
 
 from dockloop.base import paths
 
-_NOT_IN_THE_FMU = {"check", "codegen", "compare", "python"}
+_NOT_IN_THE_FMU = {"api", "check", "codegen", "compare", "python"}
 _HEADERS = ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h")
 
 

@@ -1,8 +1,8 @@
-"""The scene that an FMU carries."""
+"""The scene that an FMU carries, or a file of its own."""
 
 import json
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from dockloop.base.errors import UsageError, find_reason
 from dockloop.base.files import read_entry
@@ -23,11 +23,20 @@ def read_model(path: Path | BinaryIO) -> dict:
         document = json.loads(read_entry(path, MODEL))
     except (json.JSONDecodeError, UnicodeDecodeError, RecursionError):
         raise ValueError(f"its {MODEL} is no JSON document") from None
-    members = document if isinstance(document, dict) else {}
-    name = members.get("name")
-    if members.get("format") != FORMAT or not (isinstance(name, str) and name.isidentifier()):
+    if not _is_scene(document):
         raise ValueError(f"its {MODEL} is no scene of dockloop")
     return document
+
+
+def is_document(path: Path) -> bool:
+    """Return whether a file holds the scene of an FMU. Raises ValueError, OSError."""
+    return _is_scene(json.loads(path.read_bytes()))
+
+
+def _is_scene(document: Any) -> bool:
+    members = document if isinstance(document, dict) else {}
+    name = members.get("name")
+    return members.get("format") == FORMAT and isinstance(name, str) and name.isidentifier()
 
 
 def read_scene(path: Path) -> dict:
