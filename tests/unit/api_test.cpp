@@ -16,9 +16,7 @@ namespace {
 constexpr double kStep = 0.01;  // s
 constexpr const char* kForce = "chaser.force_ext[2]";
 
-Docking make_docking() {
-  return Docking(std::filesystem::path(DOCKLOOP_TEST_DATA "/scene_minimal.json"));
-}
+Docking make_docking() { return Docking(DOCKLOOP_TEST_DATA "/scene_minimal.json"); }
 
 void step_to(Docking& docking, double end) {
   while (docking.time() < end) docking.step(kStep);
@@ -106,7 +104,7 @@ TEST(Api, WhatIsRefusedIsOneSentenceAndChangesNothing) {
           [&] { docking.restore(std::vector<char>(100, 'x')); });
   refuses(
       "no.json: no such file: 'dockloop build SCENE -o FILE.json' writes the document of a scene",
-      [] { Docking(std::filesystem::path("no.json")); });
+      [] { Docking("no.json"); });
   refuses("own.json: document has format ''; this build reads dockloop-scene/1",
           [] { Docking("{}", "own.json"); });
   docking.set("chaser.mass", 24000.0);  // the start values can still be set

@@ -20,7 +20,7 @@ double find_peak(dockloop::Docking& docking) {
 }
 
 void run(const char* file, const char* name, const char* value) {
-  dockloop::Docking docking{std::filesystem::path(file)};
+  dockloop::Docking docking(file);
   if (name) docking.set(name, std::atof(value));
   while (docking.get("captured") == 0.0 && docking.time() < kLongest) docking.step(kStep);
   const bool is_captured = docking.get("captured") != 0.0;
