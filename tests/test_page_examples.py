@@ -8,7 +8,9 @@
 4. Commands within sentences are parsed. Of `run` every scene, key and start value is set in a
    docking; `check` and `variables` run. With words in capitals, or without argument, a command is
    only a name.
-5. What does not run here is in `ELSEWHERE`, with the reason; each entry is needed.
+5. A tutorial runs from its first line to its last: what is to be saved is saved, commands run, and
+   print what the page shows.
+6. What does not run here is in `ELSEWHERE`, with the reason; each entry is needed.
 """
 
 import json
@@ -44,10 +46,11 @@ from dockloop.view.browser import find_browser
 from test_words import list_files
 
 DEFAULT = "idss_25t_350t"
+TUTORIALS = "scripts/tutorials/"
 WRITTEN = ("tests/validation/maps/", "modelDescription/trade/")  # by the command that they show
 
 ELSEWHERE = {  # beginning of a line, or what is in it: why it does not run here
-    r"scripts/(demo|test|bench|platforms|fuzz)\b": "sets up or tests the whole project",
+    r"scripts/(demo|test|bench|platforms|fuzz|site)\b": "sets up or tests the whole project",
     r"(cmake|ctest|cc|npm|npx|cp) ": "compiles, or fetches packages",
     r"build/release/": "a program for developers",
     r"build/example/": "tests/test_cpp.py",
@@ -145,8 +148,8 @@ def find_reason(line):
 
 
 def choose(language):
-    """Return the blocks of a language of which something runs here."""
-    chosen = [block for block in BLOCKS if block.language == language]
+    """Return the blocks of a language of which something runs here, but for tutorials."""
+    chosen = [b for b in BLOCKS if b.language == language and not b.place.startswith(TUTORIALS)]
     if language == "sh":
         chosen = [b for b in chosen if any(not find_reason(line) for line in list_lines(b))]
     else:
@@ -312,10 +315,85 @@ def test_the_programs_of_a_page_run(block, folder):
         assert 100 < float(done.stdout.split()[-2]) < 3500  # N, below the rated load
 
 
+MANY = r"(?<=^cases = )\d{4,}"  # of a tutorial: as many as a test has time for
+FEW = "160"
+
+
+def save(path, block):
+    """Save what a tutorial shows: a file, members to add, or keys to change."""
+    old = path.read_text() if path.exists() else ""
+    if path.suffix == ".json":
+        members = json.loads(block if block.startswith("{") else f"{{{block}}}")
+        block = json.dumps(json.loads(old or "{}") | members)
+    elif old:
+        key = block.split()[0]
+        block = re.sub(rf"^{key} = .*\n", block, old, flags=re.MULTILINE)
+    path.write_text(re.sub(MANY, FEW, block, flags=re.MULTILINE))
+
+
+def is_alike(shown, printed):
+    """Return whether a word is the printed one; numbers agree within 2 %, or are rounding."""
+    bare = [word.strip("(),;:%") for word in (shown, printed)]
+    try:
+        a, b = map(float, bare)
+    except ValueError:
+        return shown == printed
+    return abs(a - b) <= 0.02 * abs(b) or max(abs(a), abs(b)) < 1e-9
+
+
+def is_printed(line, text):
+    """Return whether the words of a line stand in a text one after the other."""
+    shown, printed = line.split(), text.split()
+    return any(all(map(is_alike, shown, printed[i:])) for i in range(len(printed) - len(shown) + 1))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("page", [p for p in list_files() if p.startswith(TUTORIALS)])
+def test_a_tutorial_runs_from_its_first_line_to_its_last(page, dockloop, own_folder):
+    (own_folder / "tests").symlink_to(paths.ROOT / "tests")
+    parts = re.split(r"^```(\w*)\n(.*?)^```", (paths.ROOT / page).read_text(), flags=re.M | re.S)
+    printed, shown = "", 0
+
+    def run_python(*words):
+        done = subprocess.run([sys.executable, *words], capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr[-2000:]
+        return done.stdout
+
+    for before, language, block in zip(parts[::3], parts[1::3], parts[2::3], strict=False):
+        names = re.findall(rf"`(\w+\.{language.replace('python', 'py')})`", before)
+        if language == "text":
+            missing = [line for line in block.splitlines() if not is_printed(line, printed)]
+            assert not missing, (missing, printed)
+            shown += 1
+        elif names:
+            save(own_folder / names[-1], block)
+        elif language == "python":
+            run_python("-c", block)
+        elif language == "sh":
+            printed = ""
+            for line in list_lines(Block(page, language, block)):
+                program, *words = shlex.split(line, comments=True)
+                if program == ".venv/bin/python":
+                    printed += run_python(*words)
+                elif not find_reason(line):
+                    outcome = dockloop(*words)
+                    assert outcome.status == 0, (line, outcome.err)
+                    printed += outcome.out
+    assert shown
+
+
+def test_words_that_were_not_printed_are_found():
+    printed = "load peak\ntension 755.1 N (3.0e-14)"
+    assert is_printed("tension 750 N", printed)
+    assert is_printed("peak tension 755.1 N (9e-15)", printed)
+    assert not is_printed("tension 700 N", printed)
+    assert not is_printed("shear 755.1 N", printed)
+
+
 def test_every_entry_of_what_runs_elsewhere_is_needed():
     lines = [line for b in BLOCKS if b.language == "sh" for line in list_lines(b)]
     lines += [b.text for b in BLOCKS if b.language == "python"]
     unused = [text for text in ELSEWHERE if not any(re.match(text, line) for line in lines)]
     assert not unused
     assert len(choose("sh")) > 15
-    assert {block.language for block in BLOCKS} == {"", "sh", "json", "toml", "python"}
+    assert {block.language for block in BLOCKS} == {"", "sh", "text", "json", "toml", "python"}
