@@ -1,4 +1,4 @@
-# Set-up shared by scripts/demo, scripts/test and scripts/platforms; meant to be sourced, after
+# Set-up shared by the programs in scripts/; meant to be sourced, after
 # `set -euo pipefail`.
 #
 # Everything stays inside the project (.venv/, build/) but the system packages, and what is there
@@ -168,7 +168,7 @@ ensure_foreign_pythons() {
   rm -rf "$work"
 }
 
-# ensure_python [platforms|test]: .venv with this package (editable), and with .venv/bin/dockloop.
+# ensure_python [platforms|site|test]: .venv with this package (editable), and with .venv/bin/dockloop.
 ensure_python() {
   local extra=${1:-} key stamp
   key=$(cat pyproject.toml scripts/lib/setup.sh <(echo "$root") | sha256sum | cut -c 1-16)
