@@ -7,7 +7,7 @@
 4. Chromium opens pages without a message, and its search finds a page. Wide tables stay inside a
    narrow window.
 5. Every public name of the package has its docstring there, every command its help.
-6. Every shipped scene has a picture and a view.
+6. Every shipped scene has a picture and a view; without Chromium the picture is a drawing.
 7. Another folder is not replaced; an option that is not known is refused.
 """
 
@@ -167,6 +167,15 @@ def test_every_scene_has_a_picture_and_a_view(site, scene):
     view = read(site / "gallery" / f"{scene}.html")
     assert "made by dockloop view" in view
     assert "<script src=" not in view
+
+
+@pytest.mark.parametrize("scene", ["absorber_1d", "probe_drogue"])
+def test_without_chromium_there_are_drawings(make, monkeypatch, tmp_path, scene):
+    import gallery
+
+    monkeypatch.setattr(gallery, "find_browser", lambda: None)
+    assert f'<img src="gallery/{scene}.svg"' in gallery.draw_scene(scene, tmp_path)
+    assert read(tmp_path / f"{scene}.svg").startswith("<svg")
 
 
 def test_another_folder_is_not_replaced(make, tmp_path):

@@ -20,13 +20,13 @@ from links import find_faults
 import dockloop as dl
 from dockloop import cli
 from dockloop.base import paths
-from dockloop.base.errors import DockloopError, UsageError
+from dockloop.base.errors import DockloopError, UsageError, explain
 from dockloop.base.files import scratch
 from dockloop.commands import COMMANDS
 
 HERE = Path(__file__).parent
 SIGN = Path("made_by.txt"), "scripts/site\n"  # in the folder of a site
-WIDTH = "96"  # characters of the help of a command
+WIDTH = "92"  # characters of the help of a command
 
 
 def main() -> int:
@@ -34,10 +34,11 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="Make the site of all pages.")
     parser.add_argument("-o", type=Path, metavar="FOLDER", required=True, dest="output")
     try:
-        make_site(parser.parse_args().output)
-    except DockloopError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return error.exit_status
+        make_site(parser.parse_args().output.resolve())
+    except (DockloopError, OSError) as error:
+        failure = error if isinstance(error, DockloopError) else explain(error)
+        print(f"error: {failure}", file=sys.stderr)
+        return failure.exit_status
     return 0
 
 
@@ -61,17 +62,17 @@ def make_site(output: Path) -> None:
             raise DockloopError("the site is not right:\n" + "\n".join(faults))
         shutil.copy(made / "README.html", made / "index.html")
         (made / SIGN[0]).write_text(SIGN[1], encoding="utf-8")
-        shutil.rmtree(output, ignore_errors=True)
-        output.parent.mkdir(parents=True, exist_ok=True)
+        shutil.rmtree(output)
         shutil.move(made, output)
 
 
 def claim_folder(output: Path) -> None:
-    """Refuse a folder that is not a site of ours. Raises UsageError."""
+    """Make the folder, or refuse one that is not a site of ours. Raises UsageError."""
     sign = output / SIGN[0]
     is_ours = sign.is_file() and sign.read_text(encoding="utf-8") == SIGN[1]
     if output.exists() and not is_ours and not (output.is_dir() and not any(output.iterdir())):
         raise UsageError(f"-o {output}: is there, and no site of scripts/site: choose another -o")
+    output.mkdir(parents=True, exist_ok=True)
 
 
 def collect(root: Path, source: Path) -> None:
@@ -91,10 +92,10 @@ def describe_commands() -> str:
     """Return the page with the help of every command."""
     os.environ["COLUMNS"] = WIDTH
     text = "# All commands\n\nThe text of `--help`. [Commands](scripts/README.md) explains them.\n"
-    for name, what in COMMANDS.items():
+    for name in COMMANDS:
         with redirect_stdout(io.StringIO()) as out, suppress(SystemExit):
             cli.main([name, "--help"])
-        text += f"\n## dockloop {name}\n\n{what.capitalize()}.\n\n```text\n{out.getvalue()}```\n"
+        text += f"\n## dockloop {name}\n\n```text\n{out.getvalue()}```\n"
     return text
 
 
