@@ -6,7 +6,8 @@
    this machine is named. (`find_faults` says so in the build; here is what it finds.)
 4. Chromium opens pages without a message, and its search finds a page. Wide tables stay inside a
    narrow window.
-5. Every public name of the package has its docstring there, every command its help.
+5. Every public name of the package has its docstring there, every command its help; names of the
+   default scene are listed.
 6. Every shipped scene has a picture and a view; without Chromium the picture is a drawing.
 7. Another folder is not replaced; an option that is not known is refused.
 """
@@ -144,7 +145,7 @@ def test_the_search_has_words_of_all_kinds_of_pages(site):
 
     assert "scripts/tutorials/OWN_MECHANISM" in find("pawl")
     assert "modelDescription/HEXAPOD" in find("rotor")
-    assert {"api", "commands"} <= find("schedul")  # without its ending
+    assert {"api", "commands"} <= find("worker")
 
 
 def test_every_public_name_has_its_docstring(site):
@@ -153,6 +154,8 @@ def test_every_public_name_has_its_docstring(site):
         assert f'id="dockloop.{name}"' in page
         first = getattr(dl, name).__doc__.split(":")[0].split(".")[0].split("`")[0].strip()
         assert " ".join(first.split()) in " ".join(page.split()), name
+    page = read(site / "names.html")
+    assert all(f">{name}<" in page for name in ("chaser.mass", "leg[1].length", "outcome"))
     page = read(site / "commands.html")
     assert all(f'id="dockloop-{name}"' in page for name in COMMANDS)
 

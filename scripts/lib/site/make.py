@@ -1,32 +1,27 @@
 """Makes the site: collects the pages, draws the gallery, lets Sphinx work, checks every link.
 
 Pages stay where they are. They are copied with all that is around them, so that links between them
-stay as they are, too. What has no page of its own is written here: gallery, commands, functions.
+stay as they are, too. What has no page of its own is written here: gallery and reference.
 """
 
 import argparse
-import io
 import os
 import shutil
 import subprocess
 import sys
 import tomllib
-from contextlib import redirect_stdout, suppress
 from pathlib import Path
 
 from gallery import write_gallery
 from links import find_faults
+from reference import REFERENCE
 
-import dockloop as dl
-from dockloop import cli
 from dockloop.base import paths
 from dockloop.base.errors import DockloopError, UsageError, explain
 from dockloop.base.files import scratch
-from dockloop.commands import COMMANDS
 
 HERE = Path(__file__).parent
 SIGN = Path("made_by.txt"), "scripts/site\n"  # in the folder of a site
-WIDTH = "92"  # characters of the help of a command
 
 
 def main() -> int:
@@ -54,8 +49,8 @@ def make_site(output: Path) -> None:
         source, made, extra = work / "source", work / "site", work / "extra"
         collect(paths.ROOT, source)
         (source / "gallery.md").write_text(write_gallery(extra / "gallery"), encoding="utf-8")
-        (source / "commands.md").write_text(describe_commands(), encoding="utf-8")
-        (source / "api.md").write_text(describe_functions(), encoding="utf-8")
+        for name, describe in REFERENCE.items():
+            (source / f"{name}.md").write_text(describe(), encoding="utf-8")
         build(source, made, extra)
         faults = find_faults(made, (str(paths.ROOT), str(Path.home()), str(work)))
         if faults:
@@ -86,29 +81,6 @@ def collect(root: Path, source: Path) -> None:
             shutil.copytree(entry, source / entry.name, ignore=unread)
         elif entry.is_file():
             shutil.copy(entry, source)
-
-
-def describe_commands() -> str:
-    """Return the page with the help of every command."""
-    os.environ["COLUMNS"] = WIDTH
-    text = "# All commands\n\nThe text of `--help`. [Commands](scripts/README.md) explains them.\n"
-    for name in COMMANDS:
-        with redirect_stdout(io.StringIO()) as out, suppress(SystemExit):
-            cli.main([name, "--help"])
-        text += f"\n## dockloop {name}\n\n```text\n{out.getvalue()}```\n"
-    return text
-
-
-def describe_functions() -> str:
-    """Return the page with the docstrings of what `import dockloop` offers."""
-    text = "# Python\n\nWhat `import dockloop as dl` offers, with every argument."
-    text += " [Python](scripts/README.md#python) has examples.\n"
-    for heading, kind in (("Functions", "function"), ("Classes", "class")):
-        text += f"\n## {heading}\n"
-        for name in dl.__all__:
-            if isinstance(getattr(dl, name), type) == (kind == "class"):
-                text += f"\n```{{eval-rst}}\n.. auto{kind}:: dockloop.{name}\n```\n"
-    return text
 
 
 def build(source: Path, made: Path, extra: Path) -> None:
