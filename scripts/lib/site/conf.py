@@ -23,6 +23,7 @@ html_css_files = ["site.css"]
 html_copy_source = False
 html_show_search_summary = False  # a page from a disk cannot read other pages
 html_show_copyright = False
+highlight_language = "none"  # of blocks that name none
 smartquotes_action = "D"  # dashes, but no quotes
 
 
