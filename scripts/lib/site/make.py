@@ -48,11 +48,11 @@ def make_site(output: Path) -> None:
     with scratch() as work:
         source, made, extra = work / "source", work / "site", work / "extra"
         collect(paths.ROOT, source)
-        (source / "gallery.md").write_text(write_gallery(extra / "gallery"), encoding="utf-8")
         for name, describe in REFERENCE.items():
             (source / f"{name}.md").write_text(describe(), encoding="utf-8")
+        (source / "gallery.md").write_text(write_gallery(extra / "gallery"), encoding="utf-8")
         build(source, made, extra)
-        faults = find_faults(made, (str(paths.ROOT), str(Path.home()), str(work)))
+        faults = find_faults(made, (str(paths.ROOT), str(work)))
         if faults:
             raise DockloopError("the site is not right:\n" + "\n".join(faults))
         shutil.copy(made / "README.html", made / "index.html")
