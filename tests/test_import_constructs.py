@@ -199,6 +199,12 @@ MJCF_CASES = {
         lambda m: m["forces"][0]["laws"] == [{"type": "brake", "forward": 3}],
     ),
     "joint/@armature": (mjcf('<joint armature="3"/>'), lambda m: True),
+    "joint/@actuatorfrcrange": (mjcf('<joint actuatorfrcrange="-1 1"/>'), lambda m: "forces" not in m),
+    "body/@gravcomp": (mjcf().replace('"arm"', '"arm" gravcomp="1"'), lambda m: len(m["bodies"]) == 1),
+    "body/@mocap": (
+        mjcf().replace("</worldbody>", '<body mocap="true"/></worldbody>'),
+        lambda m: len(m["bodies"]) == 1,
+    ),
     "equality/connect": (
         mjcf(inside=TWIN.format('<joint type="ball"/>'),
              rest='<equality><connect body1="b" anchor="0 0 0.2"/></equality>'),

@@ -104,6 +104,8 @@ URDF = {
 MJCF = {
     "body": Row(MAPPED, "a body; without a joint it becomes one with its parent"),
     "body/inertial": Row(MAPPED, "mass, centre of mass, inertia"),
+    "body/@gravcomp": Row(LEFT_OUT, "a force of the engine against gravity: no drive has it here"),
+    "body/@mocap": Row(LEFT_OUT, "a body that a program moves: here it is fixed to its parent"),
     "body/geom": Row(LEFT_OUT, f"beyond mass and inertia; {_SHAPE}"),
     "body/site": Row(MAPPED, "resolved"),
     "body/camera": Row(LEFT_OUT, _DRAWN),
@@ -118,6 +120,7 @@ MJCF = {
     "joint/@stiffness": Row(MAPPED, "law 'spring'"),
     "joint/@frictionloss": Row(GUESSED, _FRICTION),
     "joint/@armature": Row(LEFT_OUT, "inertia of a rotor: add a body with a coupling"),
+    "joint/@actuatorfrcrange": Row(LEFT_OUT, _EFFORT),
     "equality": Row(MAPPED, "by its kind"),
     "equality/connect": Row(MAPPED, "the cut R3 or R1_planar of a loop"),
     "equality/weld": Row(MAPPED, "its bodies become one; another joint is cut"),

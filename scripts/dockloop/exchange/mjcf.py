@@ -52,6 +52,10 @@ def read_mjcf(file: str, path: Path) -> Robot:
         inertia = turn @ np.diag(m.body_inertia[i]) @ turn.T
         pose = data.xmat[i].reshape(3, 3).copy(), data.xpos[i].copy()
         robot.add_link(Link(names[i], *pose, float(m.body_mass[i]), m.body_ipos[i].copy(), inertia))
+        if m.body_gravcomp[i]:
+            robot.report.meet("body/@gravcomp")
+        if m.body_mocapid[i] >= 0:
+            robot.report.meet("body/@mocap")
     for i in range(1, m.nbody):
         robot.add_joint(_read_joint(m, data, i, names, robot.report))
     _read_equalities(mujoco, m, data, names, robot)
@@ -117,6 +121,8 @@ def _read_law(m: Any, j: int, name: str, report: Report) -> Law:
         report.meet("joint/@frictionloss")
     if m.dof_armature[dof]:
         report.meet("joint/@armature")
+    if m.jnt_actfrclimited[j]:
+        report.meet("joint/@actuatorfrcrange")
     if np.any(m.dof_dampingpoly[dof]) or np.any(m.jnt_stiffnesspoly[j]):
         report.say(LEFT_OUT, f"joint '{name}': damping and stiffness beyond the linear term")
     return law
