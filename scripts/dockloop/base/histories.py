@@ -27,6 +27,7 @@ from dockloop.base.paths import read_bytes, shown
 from dockloop.base.tables import Column, Table, read_table
 from dockloop.base.units import find_factor
 
+NAMELESS = "(no name)"
 _TIMES = ("time", "t")
 _EXAMPLES = (
     *("s", "ms", "m", "mm", "m/s", "mm/s", "rad", "deg", "rad/s", "deg/s", "N", "kN", "lbf"),
@@ -45,7 +46,9 @@ class Terms:
 
     def say_map(self, column: str, name: str = "") -> str:
         """Return how a column is mapped to a name; without one it is left out."""
-        return f"{self.option} '{column}={name}'"
+        if self.option.startswith("-"):
+            return f"{self.option} '{column}={name}'"
+        return f'{self.option} = {{ "{column}" = "{name}" }}'
 
 
 MEASURED = Terms("--columns", "the run", "output", "capture.compression:kN")
@@ -64,6 +67,7 @@ class Data:
         source: how the table was read: ``form`` (`Table.form`), ``columns`` (by output: ``from``
             which heading, ``unit``, whether this is ``stated`` and the name is ``mapped``),
             ``left_out`` (headings), ``time_from`` (moment; None: times are numbers).
+        unknown: headings that mean nothing, and that no map leaves out.
     """
 
     time: np.ndarray
@@ -72,6 +76,7 @@ class Data:
     values: np.ndarray
     accuracies: dict[str, float] = field(default_factory=dict)
     source: dict[str, Any] = field(default_factory=dict)
+    unknown: list[str] = field(default_factory=list)
 
     def __contains__(self, name: str) -> bool:
         """Return whether an output was measured."""
@@ -181,13 +186,14 @@ def read_data(  # noqa: PLR0917  what a table is, then how to read it
     source = {
         "form": {k: v for k, v in table.form.items() if v is not None},
         "columns": {c.name: _describe_channel(c, columns) for c in channels},
-        "left_out": left_out,
+        "left_out": [column.heading or NAMELESS for column in left_out],
         "time_from": start or None,
     }
     accuracies = {c.name: a for c in measured if (a := _read_accuracy(table, c)) is not None}
     names = [channel.name for channel in measured]
     of_names = [expected[name] for name in names]
-    return Data(rows[order], names, of_names, values[order], accuracies, source)
+    unknown = list_unknown(left_out, columns)
+    return Data(rows[order], names, of_names, values[order], accuracies, source, unknown)
 
 
 def find_channels(
@@ -195,8 +201,8 @@ def find_channels(
     expected: dict[str, str],
     columns: Mapping[str, tuple[str, str]],
     terms: Terms = MEASURED,
-) -> tuple[list[Channel], list[str]]:
-    """Return the columns that are known or mapped, and the headings of the others.
+) -> tuple[list[Channel], list[Column]]:
+    """Return the columns that are known or mapped, and the others.
 
     Args:
         table: as it was read.
@@ -224,7 +230,7 @@ def find_channels(
         mapped = columns.get(column.heading, columns.get(column.name))
         output, unit = mapped or (_find_name(table, column, expected, terms, is_typed=is_typed), "")
         if not output:
-            left_out.append(column.heading or "(no name)")
+            left_out.append(column)
             continue
         stated = column.unit or ""
         if unit and stated and unit != stated:
@@ -252,6 +258,12 @@ def find_channels(
             )
         channels.append(Channel(column, output, unit, factor))
     return channels, left_out
+
+
+def list_unknown(left_out: Sequence[Column], columns: Mapping[str, tuple[str, str]]) -> list[str]:
+    """Return the headings of columns that are left out without a word of a map."""
+    unknown = (c for c in left_out if c.heading not in columns and c.name not in columns)
+    return [column.heading or NAMELESS for column in unknown]
 
 
 def _find_name(

@@ -5,14 +5,23 @@ inputs. Columns are mapped and converted as those of measurements are (`dockloop
 """
 
 import copy
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dockloop.base.errors import UsageError
-from dockloop.base.histories import Channel, Terms, find_channels, read_data, split_column
+from dockloop.base.errors import UsageError, warn_once
+from dockloop.base.histories import (
+    Channel,
+    Terms,
+    find_channels,
+    list_unknown,
+    read_data,
+    split_column,
+)
 from dockloop.base.paths import shown
 from dockloop.base.tables import Table, parse_form, read_table
 from dockloop.base.units import find_factor
@@ -20,6 +29,16 @@ from dockloop.native.core import core_errors, name_source, to_json
 from dockloop.native.variables import read_variables
 
 _SLIDE, _TURN = ("m", "N"), ("rad", "N.m")
+_SHOWN = 8  # names in a warning
+
+
+@contextmanager
+def _naming_members() -> Iterator[None]:
+    """Let messages name the member ``csv`` where they name the option."""
+    try:
+        yield
+    except UsageError as error:
+        raise UsageError(re.sub(r"--csv '([^']*)'", r'csv = "\1"', str(error))) from None
 
 
 def put_law_tables(mechanism: dict, source: Path) -> None:
@@ -48,6 +67,7 @@ def put_law_tables(mechanism: dict, source: Path) -> None:
                 _read_law(law, source, what, joints.get(entry["along"][0]["joint"]))
 
 
+@_naming_members()
 def _read_law(law: dict, source: Path, what: str, joint: str | None) -> None:
     """Put the rows of a file into its law. @param joint: type of the joint; None: of a leg."""
     place = f"{shown(source)}: {what}"
@@ -60,13 +80,15 @@ def _read_law(law: dict, source: Path, what: str, joint: str | None) -> None:
         units = _TURN
     expected = {"travel": units[0], **dict.fromkeys(forces, units[1])}
     terms = Terms(f"{what}: columns", "a law 'table'", "quantity", f"force:{units[1]}")
-    channels = {c.name: c for c in find_channels(table, expected, columns, terms)[0]}
+    found, left_out = find_channels(table, expected, columns, terms)
+    channels = {channel.name: channel for channel in found}
     for name, unit in expected.items():
         if name not in channels:
             raise UsageError(
                 f"{table.place}: has no column '{name}': name it, for example"
                 f" {terms.say_map(table.columns[-1].name, f'{name}:{unit}')}"
             )
+    _warn_of_unknown(table.place, list_unknown(left_out, columns), terms)
     values = {name: _read_full(table, channel) for name, channel in channels.items()}
     travel, lines = values["travel"], channels["travel"].column.lines
     if len(travel) < 2:
@@ -83,6 +105,7 @@ def _read_law(law: dict, source: Path, what: str, joint: str | None) -> None:
     law["force"] = lists if rates else lists[0]
 
 
+@_naming_members()
 def read_inputs(entries: Sequence[dict], document: dict, source: Path) -> list[dict[str, Any]]:
     """Return the histories of inputs that the tables of a scene are.
 
@@ -108,6 +131,7 @@ def read_inputs(entries: Sequence[dict], document: dict, source: Path) -> list[d
         place = f"{shown(source)}: input[{number}]"
         path, form, columns = _take_file(entry, source.parent, place)
         data = read_data(path, ["time", *inputs], units, form, columns, terms)
+        _warn_of_unknown(shown(path), data.unknown, terms)
         for name, values in zip(data.names, data.values.T, strict=True):
             if name in histories:
                 raise UsageError(f"{place}: '{name}' has a table already: leave one of them out")
@@ -128,6 +152,17 @@ def list_files(scene: Mapping[str, Any]) -> list[dict]:
     forces = mechanism.get("forces", []) if isinstance(mechanism, Mapping) else []
     laws = [law for force in forces for law in force.get("laws", [])]
     return [entry for entry in [*scene.get("input", []), *laws] if "file" in entry]
+
+
+def _warn_of_unknown(place: str, headings: Sequence[str], terms: Terms) -> None:
+    """Say once of a table which columns have no effect."""
+    if headings:
+        names = "', '".join(headings[:_SHOWN])
+        more = f" and {len(headings) - _SHOWN} more" if len(headings) > _SHOWN else ""
+        warn_once(
+            f"{place}: nothing uses '{names}'{more}: no {terms.what} of {terms.owner} has such a"
+            " name; map columns, or state an empty text for those that are left out"
+        )
 
 
 def _take_file(
