@@ -473,12 +473,15 @@ def check_values_of_python(table, found):
     ("call", "words"),
     [
         (lambda: dl.sweep("absorber_1d_speeds", accuracy=[1]), r"accuracy \[1\]: must be a number"),
-        (lambda: dl.sweep("absorber_1d_speeds", accuracy=1, refine=3, refine_accuracy=0.1), "crit"),
+        (
+            lambda: dl.sweep("absorber_1d_speeds", accuracy=1, refine=3, refine_accuracy=0.1),
+            "refine is 3: must be a text",
+        ),
         (lambda: dl.sweep("absorber_1d_speeds", engine="fmus"), "engine 'fmus': must be one of"),
         (lambda: dl.sweep("absorber_1d_speeds", output=3), "output is 3: must be the path"),
-        (lambda: dl.sweep("absorber_1d_speeds", scheduler=3), "scheduler 3: must be an address"),
-        (lambda: dl.read_histories(3), "read_histories: path is 3: must be the path of a file"),
-        (lambda: dl.read_parts(None), "read_parts: path is None: must be the path of a file"),
+        (lambda: dl.sweep("absorber_1d_speeds", scheduler=3), "scheduler is 3: must be a text"),
+        (lambda: dl.read_histories(3), "path is 3: must be the path of a file"),
+        (lambda: dl.read_parts(None), "path is None: must be the path of a file"),
     ],
 )
 def test_an_argument_of_the_wrong_kind_is_refused_in_one_sentence(call, words):

@@ -5,21 +5,56 @@ import difflib
 import errno
 import functools
 import inspect
+import os
 import re
+import reprlib
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar
+from types import UnionType
+from typing import Any, ParamSpec, TypeVar, Union, get_args, get_origin
 
 FULL = (errno.ENOSPC, errno.EDQUOT)  # errors of a disk that has no space left
 _OPTION = re.compile(r"(?<!\S)-(o\b|-[a-z][a-z-]*)")
 _ARGUMENTS = {  # of Python functions that have another name than the option
     "-check": "checks",
     "-criterion": "criteria",
+    "-filter": "filters",
+    "-map": "names",
+    "-offset": "offsets",
+    "-scale": "scales",
     "-scene": "overrides",
     "-set": "start_values",
     "o": "output",
 }
+
+
+def _is_group(value: Any) -> bool:
+    return isinstance(value, Mapping) and all(isinstance(name, str) for name in value)
+
+
+def _is_list(value: Any) -> bool:
+    """Return whether a value has entries: a list, an array, a column of a table."""
+    return hasattr(value, "__len__") and not isinstance(value, str | bytes | Mapping)
+
+
+_KINDS: dict[Any, tuple[Callable[[Any], bool], str]] = {  # of an annotation: what it is, in words
+    str: (lambda value: isinstance(value, str), "a text"),
+    Path: (lambda value: isinstance(value, os.PathLike), "a path"),
+    bool: (lambda value: type(value).__name__ in ("bool", "bool_"), "true or false"),
+    Mapping: (_is_group, "a group of names with values"),
+    dict: (
+        lambda value: isinstance(value, dict) and _is_group(value),
+        "a group of names with values",
+    ),
+    **dict.fromkeys((Sequence, list, tuple), (_is_list, "a list")),
+    Callable: (callable, "a function"),
+    type(None): (lambda value: value is None, ""),
+}
+_TEXTS = (
+    lambda value: _is_list(value) and all(isinstance(v, str) for v in value),
+    "a list of texts",
+)
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -56,9 +91,37 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     return f" (did you mean {' or '.join(repr(name) for name in near)}?)" if near else ""
 
 
+def say_value(value: Any) -> str:
+    """Return a value of Python for a message: short, and on one line."""
+    try:
+        return " ".join(reprlib.repr(value).split())
+    except ValueError:  # a whole number with more digits than Python writes
+        return f"of type {type(value).__name__}"
+
+
+def _check_kind(name: str, annotation: Any, value: Any) -> None:
+    """Refuse an argument of another kind; what takes numbers says by itself what these must be."""
+    is_union = get_origin(annotation) in (Union, UnionType)
+    parts = get_args(annotation) if is_union else (annotation,)
+    if any((get_origin(part) or part) not in _KINDS for part in parts):
+        return
+    kinds = [
+        _TEXTS if part == Sequence[str] else _KINDS[get_origin(part) or part] for part in parts
+    ]
+    if any(is_of_kind(value) for is_of_kind, _ in kinds):
+        return
+    words = " or ".join(text for _, text in kinds if text)
+    words = "the path of a file" if words == "a text or a path" else words
+    raise UsageError(f"{name} is {say_value(value)}: must be {words}")
+
+
 def names_arguments(function: Callable[P, R]) -> Callable[P, R]:
-    """Let the messages of a Python function name its arguments: ``stop``, not ``--stop``."""
-    known = inspect.signature(function).parameters
+    """Let a Python function check the kinds of its arguments, and name these in its messages.
+
+    Messages of commands name options: ``--stop``, not ``stop``.
+    """
+    signature = inspect.signature(function)
+    known = signature.parameters
 
     def rename(option: re.Match) -> str:
         name = _ARGUMENTS.get(option[1], option[1][1:].replace("-", "_"))
@@ -66,6 +129,8 @@ def names_arguments(function: Callable[P, R]) -> Callable[P, R]:
 
     @functools.wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
+        for name, value in signature.bind(*args, **kwargs).arguments.items():
+            _check_kind(name, known[name].annotation, value)
         try:
             return function(*args, **kwargs)
         except DockloopError as error:

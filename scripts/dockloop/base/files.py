@@ -136,8 +136,10 @@ def claim(path: Path, kind: Kind, option: str = "-o") -> None:
     Raises:
         UsageError: there is a file of another kind or command, a folder, or no way to write.
     """
-    real = Path(os.path.realpath(path))  # a link stays what it is, its file is replaced
     place, other = shown(path), f"choose another {option}"
+    if "\0" in str(path):
+        raise UsageError(f"{place}: no file can have this name: {other}")
+    real = Path(os.path.realpath(path))  # a link stays what it is, its file is replaced
     try:
         mode = real.stat().st_mode
     except (FileNotFoundError, NotADirectoryError):

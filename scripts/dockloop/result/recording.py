@@ -40,6 +40,8 @@ class Units(list[str]):
 
 def find_column(names: Sequence[str], name: str) -> int:
     """Return the number of a column of a result. Raises UsageError: there is none."""
+    if not isinstance(name, str):
+        raise UsageError(f"the name of a column is {name!r}: must be a text")
     if name not in names:
         near = did_you_mean(name, names)
         raise UsageError(f"this result has no column '{name}'{near}; .names lists all")
@@ -156,7 +158,7 @@ class Result:
 
     def _find_entries(self, name: str) -> list[int]:
         """Return the columns of a vector; none if there is no such vector."""
-        return [i for i, n in enumerate(self.names) if find_vector(n) == name]
+        return [i for i, n in enumerate(self.names) if name and find_vector(n) == name]
 
     def choose(self, is_chosen: Callable[[str], bool]) -> "Result":
         """Return the same with the time and the variables that are chosen by their names."""

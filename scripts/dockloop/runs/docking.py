@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dockloop.base.errors import UsageError, did_you_mean, names_arguments
+from dockloop.base.errors import UsageError, did_you_mean, names_arguments, say_value
 from dockloop.base.number import as_number, check_number, is_number, to_plain
 from dockloop.native.core import core_errors, name_source, to_json
 from dockloop.native.variables import (
@@ -195,10 +195,10 @@ class Docking:
         is_one = "*" in name or name in self.variables
         if values.shape != (() if is_one else (len(rows),)):
             expected = "one number" if is_one else f"{len(rows)} numbers"
-            raise UsageError(f"Docking.set: '{name}' is {value!r}: must be {expected}")
+            raise UsageError(f"Docking.set: '{name}' is {say_value(value)}: must be {expected}")
         kinds, wanted = (bool, WORDS["Boolean"]) if first.type == "Boolean" else ((), "a number")
         if not all(is_number(entry) or isinstance(entry, kinds) for entry in values.flat):
-            raise UsageError(f"Docking.set: '{name}' is {value!r}: must be {wanted}")
+            raise UsageError(f"Docking.set: '{name}' is {say_value(value)}: must be {wanted}")
         entries = np.broadcast_to(values, len(rows))
         numbers = [float(e) if isinstance(e, kinds) else as_number(e) for e in entries]
         with core_errors():
@@ -235,7 +235,9 @@ class Docking:
             DockloopError: the step failed; the docking is where it was. A smaller step may succeed.
         """
         if not 0.0 < as_number(h) < math.inf:
-            raise UsageError(f"Docking.step: h is {h!r} s: must be a positive, finite number")
+            raise UsageError(
+                f"Docking.step: h is {say_value(h)} s: must be a positive, finite number"
+            )
         with self._lock:
             self._keep_start()
             began = time.perf_counter()
@@ -436,6 +438,7 @@ def run(
     settings = dict(start_values or {}) | ({} if accuracy is None else {"accuracy": accuracy})
     for name, value in settings.items():
         docking.set(name, value)
+    assured = list(assured) if isinstance(assured, Sequence | np.ndarray) else bool(assured)
     chosen: Sequence[str] = () if isinstance(assured, bool) else assured
     if assured:
         _check_assured(docking, chosen, is_estimated=estimate_error)

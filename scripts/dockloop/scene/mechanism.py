@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from dockloop.base import schema
-from dockloop.base.errors import UsageError, did_you_mean
+from dockloop.base.errors import UsageError, did_you_mean, names_arguments
 from dockloop.base.paths import MECHANISMS, check_file, is_file, name_kind, shown
 from dockloop.base.sections import Section
 from dockloop.native import core
@@ -38,7 +38,8 @@ def find_mechanism(reference: str) -> Path:
     return shipped
 
 
-def check_mechanism(mechanism: str | Path | dict, states: Path | None = None) -> Any:
+@names_arguments
+def check_mechanism(mechanism: str | Path | dict, states: str | Path | None = None) -> Any:
     """Check a mechanism, or evaluate it at given states.
 
     Args:
@@ -55,8 +56,9 @@ def check_mechanism(mechanism: str | Path | dict, states: Path | None = None) ->
     path, document = _read(mechanism)
     if states is None:
         return core.check(document, path)
-    check_file(states, "file of states")
-    return core.evaluate(document, path, json.dumps(read_json(states)), states)
+    file = Path(states)
+    check_file(file, "file of states")
+    return core.evaluate(document, path, json.dumps(read_json(file)), file)
 
 
 def draw(mechanism: str | Path | dict, report: dict, to: Path) -> None:

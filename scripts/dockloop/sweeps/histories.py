@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dockloop.base.errors import UsageError
+from dockloop.base.errors import UsageError, names_arguments
 from dockloop.base.files import Kind, writing
 from dockloop.base.paths import as_path, check_file, shown
 from dockloop.base.progress import import_optional
@@ -131,6 +131,7 @@ class Histories(_Base):
         return Result(scene, table.column_names, units, values)
 
 
+@names_arguments
 def read_histories(path: str | Path) -> Histories:
     """Open the time histories of a sweep; one case at a time is in memory.
 

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dockloop.base.errors import DockloopError, UsageError, did_you_mean
+from dockloop.base.errors import DockloopError, UsageError, did_you_mean, names_arguments
 from dockloop.base.files import Kind, claim, table_kind, write_csv, writing
 from dockloop.base.paths import as_path, check_file, read_text, shown
 from dockloop.base.progress import import_optional
@@ -111,6 +111,7 @@ def write_table(
     return files
 
 
+@names_arguments
 def read_parts(path: str | Path, columns: Sequence[str] | None = None) -> Iterator["pd.DataFrame"]:
     """Read the table of ``dockloop sweep`` in parts: memory holds one of them.
 

@@ -252,9 +252,10 @@ def _make_axes(ranges: Sequence[Range], log: str) -> tuple[Axis, ...]:
     if wrong := set(log) - set(letters):
         raise UsageError(f"--log {log}: '{min(wrong)}' must be one of {', '.join(letters)}")
     axes = []
-    for letter, (name, *ends) in zip(letters, ranges, strict=True):
-        if len(ends) != 2:
-            raise UsageError(f"--{letter} {name}: must be a name, low and high")
+    for letter, given in zip(letters, ranges, strict=True):
+        if len(given) != 3 or not isinstance(given[0], str):
+            raise UsageError(f"--{letter} {given!r}: must be a name, low and high")
+        name, *ends = given
         low, high = (check_number(f"--{letter} {name}", end) for end in ends)
         axes.append(Axis(name, low, high, letter in log))
     return tuple(axes)

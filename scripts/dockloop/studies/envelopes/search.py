@@ -32,6 +32,7 @@ WORK = "envelope"
 _COARSE = {2: 8, 3: 4}  # cells along an axis at the beginning
 _TOLERANCE = {2: 0.01, 3: 0.04}
 _MOST_CELLS = 4096  # along an axis
+_MOST_CHECKS = 100_000
 FINEST = 0.000125  # smallest tolerance: 4 000 cells
 Progress = Callable[[int, int, str], None]  # runs done, runs asked for so far, what is being done
 
@@ -211,7 +212,7 @@ def _check_numbers(order: Order) -> Order:
         order,
         tolerance=None if tolerance is None else check_number("--tolerance", tolerance),
         coarse=None if coarse is None else check_whole("--coarse", coarse, 2, _MOST_CELLS // 4),
-        checks=check_whole("--check", order.checks, 0),
+        checks=min(check_whole("--check", order.checks, 0), _MOST_CHECKS),
         seed=check_whole("--seed", order.seed, 0),
     )
 
