@@ -479,6 +479,43 @@ def test_an_accuracy_that_is_set_holds(tmp_path, name):
         dl.fit("absorber_1d", rig, {K: RANGES[K]}, accuracy=1e-6, **more)
 
 
+def test_a_copy_has_what_all_tests_share_and_the_rest_is_named(tmp_path, capsys):
+    """Keys of the scene by overrides and by each test; paths and names with a star too."""
+    write_rig(tmp_path / "rig.csv")
+    common = {"initial.approach_time": APPROACH, "target.inertia": [5e7, 9e7, 9e7, 0, 0, 0]}
+    tests = [
+        {
+            "file": str(tmp_path / "rig.csv"),
+            "name": name,
+            "set": common | {"initial.roll_deg": roll},
+        }
+        for name, roll in (("a", 0.0), ("b", 0.1))
+    ]
+    ranges = {C: RANGES[C]}
+    found = dl.fit(
+        "absorber_1d", tests, ranges, starts=1, start_values={"chaser.force_ext[1]": 0.0},
+        overrides={K: STIFFNESS, "*.interface_attitude": [1, 0, 0, 0]},
+    )  # fmt: skip
+    capsys.readouterr()
+    found.apply(tmp_path / "new.toml")
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "new.toml has no chaser.force_ext[1], initial.roll_deg: a copy holds" in said
+    new = tomllib.loads((tmp_path / "new.toml").read_text())
+    assert new["mechanism"]["set"] == {
+        "contact.stiffness": STIFFNESS,
+        "contact.damping": found.values[C],
+    }
+    assert new["initial"]["approach_time"] == APPROACH
+    assert new["target"]["inertia"] == common["target.inertia"]
+    assert (
+        new["chaser"]["interface_attitude"] == new["target"]["interface_attitude"] == [1, 0, 0, 0]
+    )
+    assert found.summary["applied"]["shared"].keys() == {
+        *common, K, "chaser.interface_attitude", "target.interface_attitude"
+    }  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("words", "refusal"),
     [

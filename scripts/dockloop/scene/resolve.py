@@ -31,11 +31,11 @@ from dockloop.base.files import scratch
 from dockloop.base.number import as_number, is_number, read_number, read_whole
 from dockloop.base.paths import shown
 from dockloop.native.core import number_choice
-from dockloop.native.variables import NAMED_NUMBERS, VEHICLES, match_names, say_matches
+from dockloop.native.variables import NAMED_NUMBERS, VEHICLES, fits, match_names, say_matches
 from dockloop.scene.find import find_mechanism, get_mechanism, read_mechanism, read_toml
 from dockloop.scene.patterns import expand_patterns
 from dockloop.scene.tables import list_files, put_law_tables, read_inputs
-from dockloop.scene.values import to_text
+from dockloop.scene.values import as_setting, to_text
 
 FORMAT = "dockloop-scene/1"
 # Texts in quotes; words of lists and groups that are values.
@@ -80,9 +80,12 @@ def write_scene(members: Mapping[str, Any]) -> Path:
         own = {m: named[m] for m in section[1:] if m in named}
         mechanism = get_mechanism({key: value for key, value in named.items() if key not in own})
         name = str(mechanism.get("name", "mechanism"))
+        if Path(name).name != name:
+            raise UsageError(f"mechanism.name is {name!r}: must be a name without a folder")
         scene["mechanism"] = {"name": name, **own}
         files[f"{name}.json"] = json.dumps(mechanism, default=_to_plain)
-    files["scene.toml"] = "".join(f"{to_text(k)} = {to_text(v)}\n" for k, v in scene.items())
+    pairs = (as_setting(to_text(name), value) for name, value in scene.items())
+    files["scene.toml"] = "".join(f"{pair}\n" for pair in pairs)
     digest = hashlib.sha256(json.dumps(files).encode()).hexdigest()[:16]
     folder = _make_own_folder() / digest
     folder.mkdir(exist_ok=True)
@@ -139,6 +142,12 @@ class SceneReader:
     def list_keys(self) -> dict[str, dict]:
         """Return the keys that a name with ``*`` can mean, as `list_keys`."""
         return list_keys(self._scene)
+
+    def list_keys_like(self, name: str) -> list[str]:
+        """Return the keys of the scene that a name means; none: it is that of a variable alone."""
+        if is_scene_key(name):
+            return [name]
+        return [key for key in self.list_keys() if "*" in name and fits(key, name)]
 
     def resolve(self, overrides: list[str] | tuple[str, ...] = ()) -> dict:
         """Do the work of `resolve_scene`; documents of equal mechanisms share them."""
@@ -407,6 +416,11 @@ def _as_toml(word: re.Match) -> str:
         return word[0]
     value = parse_value(word[0])
     return to_text(value if is_number(value) else word[0])
+
+
+def is_scene_key(name: str) -> bool:
+    """Return whether a name is a key of scenes; if not, it is a start value of the FMU."""
+    return name in scene_members() or name.startswith(OPEN_KEYS)
 
 
 @cache

@@ -1,9 +1,16 @@
 """Values as texts: keys of a scene, settings, accuracies."""
 
+import json
+import re
+from collections.abc import Mapping
+from datetime import date, time
 from typing import Any
 
-from dockloop.base.number import to_plain
+from dockloop.base.errors import UsageError
+from dockloop.base.number import is_number, to_plain
 from dockloop.native.variables import NAMED_NUMBERS
+
+_SURROGATE = re.compile("[\ud800-\udfff]")
 
 
 def say_accuracy(accuracy: float) -> str:
@@ -13,20 +20,31 @@ def say_accuracy(accuracy: float) -> str:
 
 
 def as_setting(name: str, value: Any) -> str:
-    """Return ``NAME=VALUE`` for ``--scene`` or ``--set``."""
-    return f"{name}={to_text(value)}"
+    """Return ``NAME=VALUE`` for ``--scene`` or ``--set``. Raises UsageError: the value is none."""
+    try:
+        return f"{name}={to_text(value)}"
+    except UsageError as error:
+        raise UsageError(f"{name}: {error}") from None
 
 
 def to_text(value: Any) -> str:
-    """Return a value as it is written in TOML and after ``KEY=``, with all digits."""
+    """Return a value as it is written in TOML and after ``KEY=``, with all digits.
+
+    Raises UsageError: it is none.
+    """
     value = to_plain(value)
     match value:
         case bool():
             return str(value).lower()
-        case str():
-            return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+        case str() if value.isascii() or not _SURROGATE.search(value):
+            return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
         case list() | tuple():
             return "[" + ", ".join(map(to_text, value)) + "]"
-        case dict():
+        case Mapping():
             return "{" + ", ".join(f"{to_text(k)} = {to_text(v)}" for k, v in value.items()) + "}"
-    return repr(value)
+        case date() | time():
+            return value.isoformat()
+        case _ if is_number(value):
+            return repr(value if isinstance(value, int | float) else float(value))
+    kind = "a text without Unicode" if isinstance(value, str) else f"of type {type(value).__name__}"
+    raise UsageError(f"a value is {kind}: must be a number, a text, a list or a group of these")

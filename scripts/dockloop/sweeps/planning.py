@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from dockloop.base.errors import DockloopError, UsageError, did_you_mean, warn
+from dockloop.base.number import as_number
 from dockloop.base.paths import is_file, read_text, shown
 from dockloop.base.units import find_factor
 from dockloop.base.version import __version__
@@ -20,7 +21,6 @@ from dockloop.native.variables import (
     TYPES,
     WORDS,
     find_number,
-    fits,
     is_of_type,
     list_names,
     list_outputs,
@@ -38,7 +38,7 @@ from dockloop.runs.assured import check_assurable, list_recorded
 from dockloop.runs.docking import run
 from dockloop.runs.outcome import Result
 from dockloop.scene.placement import find_placement
-from dockloop.scene.resolve import OPEN_KEYS, SceneReader, scene_members
+from dockloop.scene.resolve import SceneReader, is_scene_key, scene_members
 from dockloop.scene.values import as_setting
 from dockloop.sweeps.cases import Job, list_case_points
 from dockloop.sweeps.journal import make_digest
@@ -81,7 +81,7 @@ class Planner:
         fixed = sweep.document["set"]
         self._reader = SceneReader(sweep.scene)
         self.unplaced = self._reader.resolve(
-            [as_setting(n, v) for n, v in fixed.items() for n in self._list_keys_like(n)]
+            [as_setting(n, v) for n, v in fixed.items() for n in self._reader.list_keys_like(n)]
         )
         self.base = copy.deepcopy(self.unplaced)
         find_placement(self.base, sweep.scene)
@@ -178,10 +178,6 @@ class Planner:
         varied = zip(names, values, strict=True)
         return {**dict(zip(self.asked, result.outputs, strict=True)), **dict(varied)}
 
-    def is_scene_key(self, name: str) -> bool:
-        """Return whether a name is a key of the scene; if not, it is a start value of the FMU."""
-        return name in scene_members() or name.startswith(OPEN_KEYS)
-
     def resolve(self, values: tuple[Value, ...]) -> tuple[dict, dict[str, Any]]:
         """Return the scene of a case, vehicles not placed, and its other start values.
 
@@ -240,7 +236,7 @@ class Planner:
         keys: dict[str, Any] = {}
         starts: dict[str, Any] = {}
         for name, value in self.list_settings(values).items():
-            (keys if self.is_scene_key(name) else starts)[name] = value
+            (keys if is_scene_key(name) else starts)[name] = value
         return keys, starts
 
     def _find_step(self, keys: dict[str, Any]) -> float:
@@ -248,15 +244,9 @@ class Planner:
         own = keys.get("experiment.step", self.base["experiment"]["step"])
         return self.experiment.get("step", own)
 
-    def _list_keys_like(self, name: str) -> list[str]:
-        """Return the keys of the scene that a name means; none: it means start values alone."""
-        if self.is_scene_key(name):
-            return [name]
-        return [key for key in self._reader.list_keys() if "*" in name and fits(key, name)]
-
     def _match(self, name: str) -> list[str]:
         """Return keys of the scene and start values that a name with ``*`` means."""
-        if "*" not in name or self.is_scene_key(name):  # paths expand where their scene is read
+        if "*" not in name or is_scene_key(name):  # paths expand where their scene is read
             return [name]
         if name not in self._matches:
             settable = [n for n, v in self.variables.items() if v.start is not None]
@@ -317,7 +307,7 @@ class Planner:
         settings = self.list_settings(values)
         words = ["dockloop", "run", self.scene_reference]
         for name, value in settings.items():
-            words += ["--scene" if self.is_scene_key(name) else "--set", as_setting(name, value)]
+            words += ["--scene" if is_scene_key(name) else "--set", as_setting(name, value)]
         words += ["--stop", repr(float(end)), "--step", repr(self._find_step(settings))]
         return [*words, *([] if self.assured is None else ["--assured"])]
 
@@ -327,7 +317,8 @@ class Planner:
             variable = self.variables[name]
             is_name = isinstance(value, str)
             number = find_number(name, variable.description, value) if is_name else value
-            types[name] = TYPES[variable.type](number)
+            kind = TYPES[variable.type]
+            types[name] = as_number(number) if kind is float else kind(number)
         return types
 
     def _check_quantity(self, quantity: Quantity, values: list[Value]) -> None:
@@ -336,7 +327,7 @@ class Planner:
             examples = {value if isinstance(value, str) else type(value): value for value in values}
             self._check_name(quantity.name, "vary", examples.values())
             return
-        if quantity.name in self.variables or self.is_scene_key(quantity.name):
+        if quantity.name in self.variables or is_scene_key(quantity.name):
             raise UsageError(
                 f"{shown(self._sweep.path)}: vary '{quantity.name}': is the column of the names of"
                 " cases: choose a name that no key and no variable has"
@@ -350,7 +341,7 @@ class Planner:
     def _check_name(self, name: str, where: str, values: Any) -> None:
         """Check that there is something of this name that takes values of this kind."""
         place = f"{shown(self._sweep.path)}: {where} '{name}'"
-        if self.is_scene_key(name):
+        if is_scene_key(name):
             placed = name.startswith("initial.") and name.split(".")[1] not in ("at", *_PLACED)
             if (
                 placed

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dockloop.base import paths
-from dockloop.base.errors import UsageError, names_arguments
+from dockloop.base.errors import UsageError, names_arguments, warn
 from dockloop.base.figures import can_draw, save_figure
 from dockloop.base.files import claim, figure_kind, json_kind, scratch, table_kind, write_csv
 from dockloop.base.number import as_number, check_number, read_number, to_plain
@@ -20,10 +20,11 @@ from dockloop.result.summary import write_summary
 from dockloop.runs.docking import Scene
 from dockloop.scene.copies import make_copy, write_copy
 from dockloop.scene.find import find_scene
-from dockloop.scene.resolve import OPEN_KEYS, scene_members
+from dockloop.scene.resolve import SceneReader, is_scene_key
 from dockloop.studies.fits import report
 from dockloop.studies.fits.order import WORK, Fitted, Order, check_count, draw_cases, work
 from dockloop.studies.fits.problem import Sensors, Vary
+from dockloop.studies.fits.trials import Trial, list_trials
 from dockloop.sweeps.campaign import read_how
 from dockloop.sweeps.journal import journal_kind, keeps_results
 from dockloop.sweeps.sampling import parse_setting
@@ -111,8 +112,8 @@ def fit(
     csv: str = "",
     noise: Mapping[str, float] | None = None,
     filters: Mapping[str, float] | None = None,
-    offsets: Sequence[str] = (),
-    scales: Sequence[str] = (),
+    offsets: str | Sequence[str] = (),
+    scales: str | Sequence[str] = (),
     shift: float | None = None,
     loss: str = "linear",
     starts: int = 8,
@@ -158,14 +159,11 @@ def fit(
     """
     import_optional("scipy")
     order = _make_order(
-        scene, data, {"overrides": overrides, "start_values": start_values},
+        scene, data, (overrides, start_values),
         {"vary": vary, "vary_each": vary_each},
         experiment=_make_experiment(stop, step), accuracy=accuracy,
-        columns=_as_names("columns", columns), form=csv, noise=_as_group("noise", noise),
-        sensors=Sensors(
-            _as_group("filters", filters), _as_names("offsets", offsets),
-            _as_names("scales", scales), shift,
-        ),
+        columns=_as_names(columns), form=csv, noise=noise or {},
+        sensors=Sensors(filters or {}, _as_names(offsets), _as_names(scales), shift),
         loss=loss, starts=starts, seed=seed,
     )  # fmt: skip
     with scratch() as folder:
@@ -208,9 +206,9 @@ def plan_fit(
         What ``dockloop fit --plan --json`` prints.
     """
     order = _make_order(
-        scene, tests, {"overrides": overrides, "start_values": start_values}, {"vary": vary},
+        scene, tests, (overrides, start_values), {"vary": vary},
         experiment=_make_experiment(stop, step), accuracy=accuracy,
-        noise=_as_group("noise", noise),
+        noise=noise or {},
         sensors=Sensors(shift=shift), is_plan=True,
     )  # fmt: skip
     with scratch() as folder:
@@ -220,7 +218,7 @@ def plan_fit(
 def _make_order(
     scene: Any,
     data: Any,
-    settings: Mapping[str, Any],
+    settings: Sequence[Mapping[str, Any] | None],
     ranges: Mapping[str, Any],
     *,
     accuracy: float | None,
@@ -233,8 +231,8 @@ def _make_order(
     if isinstance(scene, Scene):
         merged |= scene.overrides
         scene = scene.reference
-    for option, members in settings.items():
-        merged |= to_plain(_as_group(option, members))
+    for members in settings:
+        merged |= to_plain(members or {})
     tests = [data] if isinstance(data, str | Path | Mapping) else data
     tests = list(tests) if isinstance(tests, Iterable) else [tests]
     for test in tests:
@@ -243,25 +241,14 @@ def _make_order(
     wanted = [
         Vary(name, *_read_ends(name, ends), option == "vary_each")
         for option, table in ranges.items()
-        for name, ends in _as_group(option, table).items()
+        for name, ends in (table or {}).items()
     ]
     return Order(str(scene), tests, wanted, _choose_accuracy(merged, accuracy), **more)
 
 
-def _as_group(option: str, members: Any) -> dict[str, Any]:
-    """Return values by name, none for None. Raises UsageError."""
-    members = {} if members is None else members
-    if not (isinstance(members, Mapping) and all(isinstance(name, str) for name in members)):
-        raise UsageError(f"{option} is {members!r}: must be a group of names with values")
-    return dict(members)
-
-
-def _as_names(option: str, names: Any) -> tuple[str, ...]:
-    """Return a list of texts; a text is a list of one. Raises UsageError."""
-    names = (names,) if isinstance(names, str) else names
-    if not (isinstance(names, Sequence) and all(isinstance(name, str) for name in names)):
-        raise UsageError(f"{option} is {names!r}: must be a text or a list of texts")
-    return tuple(names)
+def _as_names(names: str | Sequence[str]) -> tuple[str, ...]:
+    """Return a list of texts; a text is a list of one."""
+    return (names,) if isinstance(names, str) else tuple(names)
 
 
 def _choose_accuracy(settings: dict[str, Any], accuracy: float | None) -> dict[str, Any]:
@@ -318,7 +305,8 @@ def run_command(options: argparse.Namespace) -> dict[str, Any]:
             claim(path, kind)
     order = _read_order(options)
     if copy:
-        make_copy(order.scene, {vary.name: vary.low for vary in _list_keys(order)}, copy)
+        keys, _ = _list_shared(order, list_trials(order.data, is_plan=False))
+        make_copy(order.scene, keys | {vary.name: vary.low for vary in _list_keys(order)}, copy)
     if options.cases:
         check_count(order, options.cases)
     fitted = work(order, output.with_suffix(".jsonl"), ProgressBar(name), **read_how(options))
@@ -393,7 +381,7 @@ def _list_keys(order: Order) -> list[Vary]:
     """Return the keys that are fitted for all tests. Raises UsageError: one is no key."""
     shared = [vary for vary in order.vary if not vary.is_own]
     for vary in shared:
-        if not (vary.name in scene_members() or vary.name.startswith(OPEN_KEYS)):
+        if not is_scene_key(vary.name):
             raise UsageError(
                 f"--apply: '{vary.name}' is no key of the scene, so a copy cannot have it: fit a"
                 " key, or leave out --apply and set it by --set"
@@ -401,11 +389,35 @@ def _list_keys(order: Order) -> list[Vary]:
     return shared
 
 
+def _list_shared(order: Order, trials: Sequence[Trial]) -> tuple[dict[str, Any], list[str]]:
+    """Return the keys that all tests have otherwise than the scene, and names of all the rest.
+
+    The rest are start values, and what differs between tests: a copy of the scene cannot hold them.
+    """
+    reader, keys = SceneReader(find_scene(order.scene)), dict[str, Any]()
+    names = dict.fromkeys(n for n in (*order.settings, *(n for t in trials for n in t.settings)))
+    names.pop("accuracy")  # of the runs of a fit
+    rest = [vary.name for vary in order.vary if vary.is_own]
+    for name in names:
+        first, *others = ({**order.settings, **t.settings}.get(name) for t in trials)
+        found = reader.list_keys_like(name) if all(value == first for value in others) else []
+        keys |= dict.fromkeys(found, first)
+        rest += [] if found else [name]
+    return keys, rest
+
+
 def _apply(fitted: Fitted, summary: dict[str, Any], path: Path) -> None:
-    """Write the copy of the scene; the summary names it."""
+    """Write the copy of the scene; the summary names it, and a warning what it lacks."""
     is_known = {name: by is not None for name, by in summary["deviations"].items()}
     names = [vary.name for vary in _list_keys(fitted.order) if is_known[vary.name]]
+    shared, rest = _list_shared(fitted.order, fitted.problem.trials)
     keys = {name: summary["values"][name] for name in names}
     claim(path, _COPY)
-    write_copy(fitted.order.scene, keys, path, _COPY, begin=_BEGIN, note=", ".join(keys))
-    summary["applied"] = {"file": shown(path), "keys": keys}
+    note = ", ".join(keys) + (f"; of all tests: {', '.join(shared)}" if shared else "")
+    write_copy(fitted.order.scene, shared | keys, path, _COPY, begin=_BEGIN, note=note)
+    summary["applied"] = {"file": shown(path), "keys": keys, "shared": shared}
+    if rest:
+        warn(
+            f"--apply: {shown(path)} has no {', '.join(rest)}: a copy holds the keys of the scene"
+            " that all tests have, so give the others to each run"
+        )

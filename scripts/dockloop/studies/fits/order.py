@@ -14,7 +14,7 @@ from dockloop.base.progress import ProgressBar
 from dockloop.native.variables import fits
 from dockloop.scene.catalogue import list_entries
 from dockloop.scene.find import find_scene
-from dockloop.scene.resolve import PATHS
+from dockloop.scene.resolve import PATHS, is_scene_key
 from dockloop.scene.values import as_setting
 from dockloop.studies.fits.plan import Planned, plan
 from dockloop.studies.fits.problem import Problem, Sensors, Vary
@@ -234,7 +234,7 @@ def _find_own(
     Raises:
         UsageError: paths with ``*`` mean what is given otherwise, too.
     """
-    keys = [as_setting(n, v) for n, v in order.settings.items() if planner.is_scene_key(n)]
+    keys = [as_setting(n, v) for n, v in order.settings.items() if is_scene_key(n)]
     entries = {entry.name: entry for entry in list_entries(order.scene, keys)}
     varied = [vary.name for vary in order.vary]
     given = dict.fromkeys([*varied, *order.settings, *(n for t in trials for n in t.settings)])
