@@ -19,6 +19,7 @@ from dockloop.fmu.ssp import take_out
 from dockloop.native.variables import LOADS as DOCKING_LOADS
 from dockloop.runs.docking import Scene
 from test_host_reports import INERTIA, LOADS, MASS, MOTION, REPORTS, dock
+from test_ssp_vehicle import MAP, edit, rename
 
 SCENE, NEAR = "idss_25t_350t", {"initial.approach_time": 0.5}
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])  # N is that of the scene
@@ -305,6 +306,36 @@ def test_a_vehicle_fmu_of_another_mass_is_named(vehicle):
     assert found.value == pytest.approx(1.0, rel=0.01)
     moves = float(re.search(r"mass were ([\d.]+) kg", found.sentence)[1])
     assert moves == pytest.approx(50e3, rel=1e-4)
+
+
+def test_a_map_names_the_columns_of_a_log(write_log, dockloop):
+    log = Path(write_log("log.csv", stop=1.0))
+    text = log.read_text()
+    for i in range(1, 5):
+        text = text.replace(f"chaser.position[{i}]", f"r{i}", 1)
+        text = text.replace(f"chaser.attitude[{i}]", f"q{i}", 1)
+    log.write_text(text)
+    Path("names.toml").write_text('[chaser]\nposition = "r*"\nattitude = "q*"\n')
+    found = check("log.csv", names="names.toml")
+    assert found.is_right, found.sentence
+    assert find(found, "first position").value == 0.0
+    Path("names.toml").write_text('[chaser]\nposition = "x*"\n')
+    outcome = dockloop("host-check", "log.csv", SCENE, "--map", "names.toml")
+    assert outcome.status == 2
+    assert "names.toml: log.csv has no column 'x1'" in outcome.err
+
+
+def test_a_map_names_the_variables_of_a_vehicle_fmu(vehicle, dockloop, tmp_path):
+    """Its mass is wrong, until the map says which parameter takes that of the scene."""
+    theirs = edit(vehicle(mass=2.0 * MASS), tmp_path / "theirs.fmu", rename)
+    Path("names.toml").write_text(MAP)
+    found = check(theirs, names="names.toml", stop=4.0, step=STEP)
+    assert found.is_right, found.sentence
+    Path("names.toml").write_text(MAP.partition("[chaser.start]")[0])
+    assert check(theirs, names="names.toml", stop=4.0, step=STEP).cause == "mass"
+    outcome = dockloop("host-check", theirs, SCENE)
+    assert outcome.status == 2
+    assert "no output stands for 'chaser.position[1]'" in outcome.err
 
 
 def test_an_fmu_that_is_no_vehicle_is_refused(runs, dockloop, tmp_path):

@@ -17,6 +17,8 @@ def add_options(command: Command) -> None:
     command.add_scene()
     command.add_run()
     command.add_option("--vehicle", "NAME", "which vehicle an FMU is (default: chaser)")
+    text = "names of columns or variables, as for 'ssp': [chaser] position = 'r[*]', ..."
+    command.add_option("--map", "FILE.toml", text, type=file_path)
     command.add_flag("--json", "print the judgement as JSON")
 
 
@@ -34,6 +36,7 @@ def run(options: Options) -> None:
         Scene(options.scene, overrides),
         dict(parse_setting("--set", text) for text in options.set),
         options.vehicle,
+        options.map,
         stop=options.stop,
         step=options.step,
     )

@@ -115,28 +115,28 @@ class VehicleFmu(Description):
         self._vehicle, self._map = vehicle, f"{place}: {vehicle}"
         self._starts = dict(rows.get("start", {}))
         _check_keys(f"{self._map}.start", self._starts, STARTS)
-        rows = {key: value for key, value in rows.items() if key != "start"}
-        _check_keys(self._map, rows, {**NEEDED, **THRUST})
+        stated = read_rows(self._map, rows)
         self.starts: dict[str, float] = {}
         self.notes: list[str] = []
         self.names: dict[str, list[str]] = {}
         for member, causality in {**NEEDED, **THRUST}.items():
-            if member in rows or member in NEEDED:
-                self.names[member] = self._find(member, causality, rows.get(member))
+            if member in stated or member in NEEDED:
+                self.names[member] = self._find(member, causality, stated.get(member))
 
-    def _find(self, member: str, causality: str, row: Any) -> list[str]:
+    def _find(self, member: str, causality: str, names: list[str] | None) -> list[str]:
         """Return the variables that stand for a member; all are right."""
-        if row is None:
+        if names is None:
             return self._find_by_name(member, causality)
-        names = read_row(f"{self._map}.{member}", member, row)
         for name in names:
             self._check(f"{self._map}.{member}", name, member, causality)
         return names
 
     def _find_by_name(self, member: str, causality: str) -> list[str]:
-        """Look for the name in the docking, and for that in the vehicle which is replaced."""
+        """Look for the name in the docking, and for that in a vehicle which receives loads."""
         known = self.list_names(causality, ["Real"])
-        tries = [f"{self._vehicle}.{member}", f"chaser.{LOADS.get(member, member)}", member]
+        own = dict.fromkeys((member, LOADS.get(member, member)))
+        prefixes = dict.fromkeys((f"{self._vehicle}.", *(f"{v}." for v in VEHICLES), ""))
+        tries = [f"{prefix}{name}" for prefix in prefixes for name in own]
         for stem in tries:
             names = _count(f"{stem}[*]", COUNTS[member])
             if all(name in known for name in names):
@@ -217,6 +217,16 @@ def _check_keys(place: str, rows: Any, known: Any) -> None:
         if key not in known:
             near = did_you_mean(key, known)
             raise UsageError(f"{place}: has '{key}'{near}: must be one of {', '.join(known)}")
+
+
+def read_rows(place: str, rows: Mapping[str, Any]) -> dict[str, list[str]]:
+    """Return the names of a table of a map by member, without those of ``start``.
+
+    Raises UsageError: there is no such member, or no such names.
+    """
+    own = {key: value for key, value in rows.items() if key != "start"}
+    _check_keys(place, own, {**NEEDED, **THRUST})
+    return {member: read_row(f"{place}.{member}", member, row) for member, row in own.items()}
 
 
 def read_row(place: str, member: str, row: Any) -> list[str]:

@@ -11,7 +11,9 @@ from fmpy.fmi1 import FMICallException
 from dockloop.base.errors import DockloopError, UsageError, did_you_mean
 from dockloop.base.paths import shown
 from dockloop.base.tables import Column, Table, read_table
+from dockloop.fmu import vehicle_fmu
 from dockloop.fmu.host import Instance, unpack
+from dockloop.fmu.vehicle_fmu import read_map, read_rows
 from dockloop.native.variables import LOADS, MOTION, VEHICLES, Variable
 
 Row = dict[str, np.ndarray]
@@ -28,11 +30,16 @@ class ReportLog:
         notes: what of the log is not used.
     """
 
-    def __init__(self, table: Table) -> None:
-        """Read the values of all rows. Raises UsageError: one is none, or what is needed lacks."""
+    def __init__(self, table: Table, columns: Mapping[str, Column]) -> None:
+        """Read the values of all rows. Raises UsageError: one is none, or what is needed lacks.
+
+        Args:
+            table: the log.
+            columns: of it, by the names of the docking.
+        """
         self._place, self._row = table.place, 0
-        self._columns = {column.heading: _read_numbers(table, column) for column in table.columns}
-        self._texts = {column.heading: [*map(str, column.cells)] for column in table.columns}
+        self._columns = {name: _read_numbers(table, column) for name, column in columns.items()}
+        self._texts = {name: [*map(str, column.cells)] for name, column in columns.items()}
         self.times, names = self._columns["time"], list(self._columns)
         steps = np.diff(self.times)
         if np.any(steps <= 0.0):
@@ -115,27 +122,51 @@ def _list_entries(name: str, count: int) -> list[str]:
     return [f"{name}[{i}]" for i in range(1, count + 1)]
 
 
-def read_log(path: Path) -> ReportLog:
-    """Read a log of reports. Raises UsageError: naming file, column, line and what is expected."""
+def read_log(path: Path, names: Path | None = None) -> ReportLog:
+    """Read a log of reports.
+
+    Args:
+        path: the file.
+        names: map of its columns (see `dockloop.fmu.vehicle_fmu`).
+
+    Raises:
+        UsageError: naming file, column, line and what is expected.
+    """
     table = read_table(path)
-    names = [column.heading for column in table.columns]
+    headings = [column.heading for column in table.columns]
     if "units" in table.form:
         raise UsageError(
             f"{table.place}: line {table.form['units']} has units: leave it out, and write numbers"
             " in the units of the docking FMU"
         )
-    if "time" not in names:
-        near = did_you_mean("time", names)
+    if "time" not in headings:
+        near = did_you_mean("time", headings)
         raise UsageError(
             f"{table.place}: has no column 'time'{near}: the header must have names, for example"
             " time,chaser.position[1]"
         )
-    if len(set(names)) < len(names):
-        twice = next(name for name in names if names.count(name) > 1)
+    if len(set(headings)) < len(headings):
+        twice = next(name for name in headings if headings.count(name) > 1)
         raise UsageError(f"{table.place}: has two columns '{twice}'")
     if len(table.columns[0].cells) < 2:
         raise UsageError(f"{table.place}: needs at least two rows of values")
-    return ReportLog(table)
+    return ReportLog(table, _name_columns(table, names))
+
+
+def _name_columns(table: Table, names: Path | None) -> dict[str, Column]:
+    """Return the columns by the names that a map gives them, or else by their own."""
+    columns = {column.heading: column for column in table.columns}
+    document, place = read_map(names)
+    for vehicle, rows in document.items():
+        for member, own in read_rows(f"{place}: {vehicle}", rows).items():
+            for entry, name in zip(
+                _list_entries(f"{vehicle}.{member}", len(own)), own, strict=True
+            ):
+                if name not in columns:
+                    near = did_you_mean(name, columns)
+                    raise UsageError(f"{place}: {table.place} has no column '{name}'{near}")
+                columns[entry] = columns.pop(name)
+    return columns
 
 
 def _read_numbers(table: Table, column: Column) -> np.ndarray:
@@ -161,10 +192,20 @@ class VehicleFmu:
 
     Attributes:
         vehicles: the one vehicle of the docking that it is.
-        motions: at every communication point so far, by the names of the docking.
+        motions: at every communication point so far, by the names of the docking; and loads of
+            thrusters where a map names them.
+        notes: what the user has to see to.
     """
 
-    def __init__(self, path: Path, folder: Path, vehicle: str, times: np.ndarray) -> None:
+    def __init__(  # noqa: PLR0917  what it is, then how to run it
+        self,
+        path: Path,
+        folder: Path,
+        vehicle: str,
+        times: np.ndarray,
+        body: Mapping[str, Any],
+        names: Path | None = None,
+    ) -> None:
         """Load it.
 
         Args:
@@ -172,44 +213,39 @@ class VehicleFmu:
             folder: an empty one, where it is unpacked.
             vehicle: of the docking.
             times: communication points [s], shape (points,).
+            body: the vehicle in the scene, placed: where a map of parameters lets the FMU start.
+            names: map of its variables (see `dockloop.fmu.vehicle_fmu`).
 
         Raises:
             UsageError: it is no FMU of a vehicle.
         """
         self._times, self.vehicles = times, [vehicle]
         description = unpack(path, folder)
-        references = {v.name: v.valueReference for v in description.modelVariables}
-        causalities = {v.name: v.causality for v in description.modelVariables}
-        if all(causalities.get(f"{v}.force_mean[1]") == "output" for v in VEHICLES):
+        variables = {v.name: v for v in description.modelVariables}
+        outputs = [name for name, v in variables.items() if v.causality == "output"]
+        if all(f"{v}.force_mean[1]" in outputs for v in VEHICLES):
             raise UsageError(
                 f"{shown(path)}: is a docking, not a vehicle: name the FMU of the {vehicle}"
             )
+        document, place = read_map(names)
+        rows = document.get(vehicle, {})
+        found = vehicle_fmu.VehicleFmu(path, vehicle, rows, place)
+        if "start" in rows:
+            found.take_starts(body)
+        self.notes, self._starts = found.notes, [(variables[n], x) for n, x in found.starts.items()]
 
-        def find(name: str, count: int, causality: str, prefix: str) -> list[int]:
-            entries = _list_entries(f"{prefix}{name}", count)
-            for entry in entries:
-                if causalities.get(entry) != causality:
-                    near = did_you_mean(
-                        entry, [n for n, c in causalities.items() if c == causality]
-                    )
-                    raise UsageError(f"{shown(path)}: has no {causality} '{entry}'{near}")
-            return [references[entry] for entry in entries]
+        def find(member: str) -> list[int]:
+            return [variables[name].valueReference for name in found.names[member]]
 
-        prefixes = [f"{vehicle}.", *(f"{v}." for v in VEHICLES), ""]
-        prefix = next((p for p in prefixes if f"{p}position[1]" in references), prefixes[0])
-        self._motion = {
-            f"{vehicle}.{name}": find(name, count, "output", prefix)
-            for name, count in MOTION.items()
-        }
-        self._loads = {
-            f"{vehicle}.{load}": find(name, 3, "input", prefix) for load, name in LOADS.items()
-        }
+        reported = [member for member in found.names if member not in LOADS]
+        self._reported = {f"{vehicle}.{member}": find(member) for member in reported}
+        self._loads = {f"{vehicle}.{member}": find(member) for member in LOADS}
         self.motions: list[Row] = []
         self._instance = Instance(description, str(folder), shown(path))
 
     def __enter__(self) -> Self:
         self._instance.__enter__()
-        self._instance.initialise([], self._times)
+        self._instance.initialise(self._starts, self._times)
         self._read()
         return self
 
@@ -217,7 +253,7 @@ class VehicleFmu:
         self._instance.__exit__()
 
     def report(self) -> Row:
-        """Return the present motion."""
+        """Return the present motion, and loads of thrusters where a map names them."""
         return self.motions[-1]
 
     def advance(self, loads: Row, time: float, step: float) -> None:
@@ -233,4 +269,4 @@ class VehicleFmu:
 
     def _read(self) -> None:
         get = self._instance.slave.getReal
-        self.motions.append({name: np.array(get(refs)) for name, refs in self._motion.items()})
+        self.motions.append({name: np.array(get(refs)) for name, refs in self._reported.items()})

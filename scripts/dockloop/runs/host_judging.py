@@ -73,7 +73,7 @@ class HostCheck:
             nothing is wrong.
         value: size of the mistake, ``coupling.diagnosis_value``.
         sentence: what is wrong and what to do; empty where nothing is wrong.
-        notes: columns of a log that are not used.
+        notes: columns of a log that are not used; what a vehicle FMU does not take.
     """
 
     source: str
@@ -104,6 +104,7 @@ def host_check(
     start_values: Mapping[str, Any] | None = None,
     *,
     vehicle: str | None = None,
+    names: str | Path | None = None,
     stop: float | None = None,
     step: float | None = None,
 ) -> HostCheck:
@@ -128,6 +129,7 @@ def host_check(
         overrides: as for `Scene`.
         start_values: values of variables at the start, as for `Docking.set`.
         vehicle: which one an FMU is: ``"chaser"`` (default) or ``"target"``.
+        names: map of other names of columns or variables, as ``dockloop ssp --map`` takes it.
         stop: end [s]; default: that of the log, or of the scene.
         step: communication step of an FMU [s]; default: that of the scene.
 
@@ -136,20 +138,24 @@ def host_check(
         DockloopError: the FMU of the vehicle failed.
     """
     settings = dict(start_values or {})
-    return judge_host(source, Scene(scene, overrides), settings, vehicle, stop=stop, step=step)
+    own = None if names is None else Path(names)
+    return judge_host(
+        Path(source), Scene(scene, overrides), settings, vehicle, own,
+        stop=stop, step=step,
+    )  # fmt: skip
 
 
 def judge_host(
-    source: str | Path,
+    path: Path,
     scene: Scene,
     settings: dict[str, Any],
     vehicle: str | None,
+    names: Path | None,
     *,
     stop: float | None,
     step: float | None,
 ) -> HostCheck:
     """Judge a host; as for `host_check`."""
-    path = Path(source)
     if path.suffix == ".fmu":
         chosen = vehicle or VEHICLES[0]
         if chosen not in VEHICLES:
@@ -161,14 +167,15 @@ def judge_host(
             float(experiment["stop"]) if stop is None else stop,
             float(experiment["step"]) if step is None else step,
         )
-        with scratch() as folder, VehicleFmu(path, folder, chosen, times) as fmu:
+        body = docking.scene.document[chosen]
+        with scratch() as folder, VehicleFmu(path, folder, chosen, times, body, names) as fmu:
             return _judge(docking, settings, fmu, times, shown(path))
     if path.suffix != ".csv":
         raise UsageError(f"{shown(path)}: must be a log (.csv) or the FMU of a vehicle (.fmu)")
     for option, value in (("--vehicle", vehicle), ("--step", step)):
         if value is not None:
             raise UsageError(f"{option} is for an FMU: a log has its own vehicles and times")
-    log = read_log(path)
+    log = read_log(path, names)
     docking = _make_docking(scene, log.vehicles)
     log.choose_inputs(docking.variables)
     times = docking.time + log.times - log.times[0]
@@ -242,8 +249,7 @@ def _judge(
     found = HostCheck(source, docking.scene.name, mode, len(loads), docking.time, checks)
     found.cause = name_choice("coupling.diagnosis", docking.get("coupling.diagnosis"))
     found.value, found.sentence = docking.get("coupling.diagnosis_value"), sentence
-    if isinstance(host, ReportLog):
-        found.notes = host.notes
+    found.notes = host.notes
     wrong = [check for check in checks if check.verdict == "wrong"]
     if wrong and wrong[0].name.startswith("digits"):
         found.cause, found.value = "digits", float(wrong[0].value or 0.0)
