@@ -38,6 +38,7 @@ SDF = {
     "link/light": Row(LEFT_OUT, _DRAWN),
     "link/sensor": Row(LEFT_OUT, _OTHER),
     "link/velocity_decay": Row(LEFT_OUT, "damping of the medium"),
+    "link/gravity": Row(LEFT_OUT, "gravity acts on all bodies"),
     "joint": Row(MAPPED, "a joint: parent, child, pose, axes"),
     "joint[fixed]": Row(MAPPED, "its bodies become one"),
     "joint[revolute]": Row(MAPPED, "a turn; the cut R1 or R1_planar of a loop"),
@@ -135,13 +136,45 @@ MJCF = {
     "contact": Row(LEFT_OUT, _SHAPE),
     "asset": Row(LEFT_OUT, _DRAWN),
     "visual": Row(LEFT_OUT, _DRAWN),
-    "option": Row(LEFT_OUT, "settings of an engine; gravity is kept"),
+    "option": Row(
+        LEFT_OUT,
+        "settings of an engine; gravity is kept, and what a flag switches off is not there",
+    ),
     "size": Row(LEFT_OUT, "settings of an engine"),
     "statistic": Row(LEFT_OUT, "settings of an engine"),
     "custom": Row(LEFT_OUT, _OTHER),
     "extension": Row(LEFT_OUT, "code of an engine"),
     "worldbody": Row(MAPPED, "the base, where no other link is named"),
 }
+# What is read with the rows above. MuJoCo checks its own format.
+SIX = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")  # components of an inertia in URDF and SDF
+
+
+def _list_parts(text: str, poses: str) -> frozenset[str]:
+    """Return the paths of a text; `poses` are attributes of places."""
+    parts = set(text.split())
+    parts |= {part.replace("/axis", "/axis2", 1) for part in parts if "/axis" in part}
+    places = [part for part in parts if part.endswith(("/pose", "/origin"))]
+    return frozenset(parts | {f"{place}/@{each}" for place in places for each in poses.split()})
+
+
+SDF_PARTS = _list_parts(
+    "link/@name link/pose link/inertial/pose link/inertial/mass link/inertial/inertia"
+    " joint/@name joint/@type joint/pose joint/parent joint/child joint/axis joint/axis/xyz"
+    " joint/axis/xyz/@expressed_in joint/axis/use_parent_model_frame joint/axis/dynamics"
+    " joint/axis/limit/lower joint/axis/limit/upper joint/axis/mimic/@joint joint/axis/mimic/@axis"
+    " joint/axis/mimic/multiplier joint/axis/mimic/offset joint/axis/mimic/reference"
+    " joint/screw_thread_pitch joint/thread_pitch joint/gearbox_ratio"
+    " joint/gearbox_reference_body frame/@name frame/@attached_to frame/pose",
+    "relative_to rotation_format degrees",
+) | {f"link/inertial/inertia/{each}" for each in SIX}
+URDF_PARTS = _list_parts(
+    "link/@name link/inertial/origin link/inertial/mass link/inertial/mass/@value"
+    " link/inertial/inertia joint/@name joint/@type joint/parent joint/parent/@link joint/child"
+    " joint/child/@link joint/origin joint/axis joint/axis/@xyz joint/dynamics joint/limit/@lower"
+    " joint/limit/@upper joint/mimic/@joint joint/mimic/@multiplier joint/mimic/@offset",
+    "xyz rpy quat_xyzw",
+) | {f"link/inertial/inertia/@{each}" for each in SIX}
 FORMATS = {"sdf": SDF, "robot": URDF, "mujoco": MJCF}  # by the root element of a file
 UNKNOWN = Row(LEFT_OUT, "no construct that this import knows")
 

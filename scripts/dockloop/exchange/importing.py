@@ -1,6 +1,7 @@
 """`import_mechanism`: a file of another tool becomes a mechanism, with a report in words."""
 
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -86,7 +87,10 @@ def run_import(
     tree = make_tree(robot, base, ring, [cut] if isinstance(cut, str) else list(cut or []))
     document = write_document(robot, tree, ring, assemble)
     schema.check(document, "mechanism", path)
-    checked = core.check(document, path)
+    try:
+        checked = core.check(document, path)
+    except UsageError as error:
+        raise _explain_singular(error, robot.report.file) from None
     document["home_q"] = checked["home_q"]  # the same, or closed
     for text in checked["warnings"]:
         robot.report.say(GUESSED, text)
@@ -95,6 +99,17 @@ def run_import(
     if output is not None:
         write_text(Path(output), _KIND, to_text(document))
     return Imported(document, report, checked)
+
+
+def _explain_singular(error: UsageError, file: str) -> UsageError:
+    """Return an error, in other words if no joints could be chosen as dependent."""
+    found = re.search(r"(loop '.*'): \d+ cut equations but \d+ dependent joints", str(error))
+    if not found:
+        return error
+    return UsageError(
+        f"{file}: the {found[1]} is singular at the pose of the file, so which joints follow from"
+        " others is not to be found there: turn one of its joints in the file"
+    )
 
 
 def _check_output(output: Path) -> None:

@@ -8,7 +8,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from dockloop.base.errors import DockloopError, UsageError
-from dockloop.exchange.constructs import LEFT_OUT, MJCF
+from dockloop.exchange.constructs import LEFT_OUT, MAPPED, MJCF
 from dockloop.exchange.robot import (
     WORLD,
     Coupling,
@@ -24,6 +24,7 @@ from dockloop.exchange.robot import (
 )
 
 _FREE, _BALL, _SLIDE = 0, 1, 2  # kinds of joints, as compiled
+_PHYSICS = {"gravity", "equality", "constraint", "limit", "frictionloss", "spring", "damper"}
 _CLOSED = 1e-6  # m or 1: a weld that is open by less holds
 
 
@@ -43,6 +44,7 @@ def read_mjcf(file: str, path: Path) -> Robot:
         raise UsageError(f"{file}: MuJoCo does not accept it: {first}") from None
     robot = Robot(spec.modelname or path.stem, Report(file, MJCF), gravity=np.array(m.opt.gravity))
     _meet_all(robot.report, resolved)
+    _switch_off(mujoco, m, robot)
     data = mujoco.MjData(m)
     data.qpos = m.qpos0
     mujoco.mj_kinematics(m, data)
@@ -77,6 +79,27 @@ def _meet_all(report: Report, root: Element) -> None:
                     visit(child, "" if child.tag == "worldbody" else f"{tag}/")
 
     visit(root, "")
+
+
+def _switch_off(mujoco: Any, m: Any, robot: Robot) -> None:
+    """Leave out what ``flag`` switches off."""
+    bits = mujoco.mjtDisableBit
+    found = [bit for bit in bits.__members__.values() if int(m.opt.disableflags) & int(bit)]
+    off = {bit.name.removeprefix("mjDSBL_").lower() for bit in found}
+    if "gravity" in off:
+        robot.gravity = np.zeros(3)
+    if off & {"equality", "constraint"}:
+        m.eq_active0[:] = 0
+    if off & {"limit", "constraint"}:
+        m.jnt_limited[:] = 0
+    if off & {"frictionloss", "constraint"}:
+        m.dof_frictionloss[:] = 0.0
+    if "spring" in off:
+        m.jnt_stiffness[:], m.jnt_stiffnesspoly[:] = 0.0, 0.0
+    if "damper" in off:
+        m.dof_damping[:], m.dof_dampingpoly[:] = 0.0, 0.0
+    for name in sorted(off & _PHYSICS):
+        robot.report.say(MAPPED, f"option/flag: {name} is switched off")
 
 
 def _read_joint(m: Any, data: Any, body: int, names: list[str], report: Report) -> Joint:

@@ -3,7 +3,10 @@
 All points and axes are in one frame, that of the model; all coordinates are zero at this pose.
 """
 
+import itertools
+import re
 from collections import Counter
+from collections.abc import Set
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -11,11 +14,20 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from dockloop.base.errors import UsageError
+from dockloop.base.number import read_number
 from dockloop.base.rotations import find_matrix
-from dockloop.exchange.constructs import GUESSED, LEFT_OUT, MAPPED, REFUSED, Row, find_row
+from dockloop.exchange.constructs import (
+    GUESSED,
+    LEFT_OUT,
+    MAPPED,
+    REFUSED,
+    UNKNOWN,
+    Row,
+    find_row,
+)
 
+_INFINITE = re.compile(r"([+-]?)inf(?:inity)?", re.IGNORECASE)
 WORLD = "world"  # the link that does not move
-SIX = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")  # components of an inertia in URDF and SDF
 
 
 @dataclass
@@ -85,8 +97,15 @@ class Coupling:
 class Report:
     """What was mapped, guessed and left out, in words."""
 
-    def __init__(self, file: str, table: dict[str, Row]) -> None:
-        self.file, self.table = file, table
+    def __init__(self, file: str, table: dict[str, Row], parts: Set[str] | None = None) -> None:
+        """Begin a report.
+
+        Args:
+            file: as messages show it.
+            table: of the format.
+            parts: what is read with the rows of this table; None: all that has no row.
+        """
+        self.file, self.table, self._parts = file, table, parts
         self._met: Counter[str] = Counter()
         self.lines: list[str] = []
 
@@ -96,11 +115,12 @@ class Report:
         if row.what == REFUSED:
             named = f" '{name}'" if name else ""
             raise UsageError(f"{self.file}: {path}{named} cannot be mapped: {row.text}")
-        if path == key:  # what has no row of its own belongs to that row
-            self._met[key] += 1
+        is_part = self._parts is None or path in self._parts or row.what == LEFT_OUT
+        if path == key or not is_part:  # a part belongs to that row
+            self._met[path] += 1
 
-    def meet_listed(self, path: str) -> None:
-        """Count a construct that may have a row of its own."""
+    def meet_kind(self, path: str) -> None:
+        """Count a kind of construct that may have a row of its own."""
         if path in self.table:
             self.meet(path)
 
@@ -113,9 +133,9 @@ class Report:
     def describe(self) -> list[str]:
         """Return all lines: constructs of the file, then single parts; what was mapped first."""
         lines = []
-        for key, count in self._met.items():
-            row = find_row(self.table, key)[1]
-            lines.append(f"{row.what}: {key} ({count}): {row.text}")
+        for path, count in self._met.items():
+            row = self.table.get(path, UNKNOWN)
+            lines.append(f"{row.what}: {path} ({count}): {row.text}")
         order = (MAPPED, GUESSED, LEFT_OUT)
         lines += self.lines
         return sorted(lines, key=lambda line: order.index(line.partition(":")[0]))
@@ -149,21 +169,28 @@ class Robot:
                 raise UsageError(f"{file}: joint '{joint.name}' names the link '{end}', not there")
         if joint.parent == joint.child:
             raise UsageError(f"{file}: joint '{joint.name}' joins '{joint.child}' with itself")
+        for dof, other in itertools.combinations(joint.dofs, 2):
+            is_same = dof.kind == other.kind and np.allclose(dof.point, other.point)
+            if is_same and np.linalg.norm(np.cross(dof.axis, other.axis)) < 1e-9:
+                raise UsageError(
+                    f"{file}: joint '{joint.name}' has two coordinates along one axis, '{dof.name}'"
+                    f" and '{other.name}': leave one out"
+                )
         self.joints.append(joint)
 
 
 def meet_all(report: Report, model: Element) -> None:
-    """Count all constructs of a model: elements, and attributes that a table lists."""
+    """Count all constructs of a model: elements and attributes."""
 
     def visit(element: Element, path: str) -> None:
         for child in element:
             at = f"{path}{child.tag}"
             report.meet(at, child.get("name", ""))
             if at == "joint":
-                report.meet_listed(f"joint[{child.get('type')}]")
-            for key in child.attrib:
-                report.meet_listed(f"{at}/@{key}")
+                report.meet_kind(f"joint[{child.get('type')}]")
             if find_row(report.table, at)[1].what != LEFT_OUT:
+                for key in child.attrib:
+                    report.meet(f"{at}/@{key}")
                 visit(child, f"{at}/")
 
     visit(model, "")
@@ -182,9 +209,11 @@ class Node:
         return UsageError(f"{self.file}: {self.place} {text}")
 
     def find(self, path: str) -> "Node | None":
-        """Return an element below this one, if it is there."""
-        found = self.element.find(path)
-        return None if found is None else Node(self.file, found, self.place)
+        """Return the element below this one, None if it is not there. Raises UsageError: twice."""
+        found = self.element.findall(path)
+        if len(found) > 1:
+            raise self.fail(f"has {len(found)} elements '{path}': must have one")
+        return Node(self.file, found[0], self.place) if found else None
 
     def all(self, tag: str) -> list["Node"]:
         """Return all elements of a kind directly below this one."""
@@ -203,7 +232,8 @@ class Node:
 
     def text(self, path: str, default: str | None = None) -> str:
         """Return the text of an element below. Raises UsageError like `attribute`."""
-        text = (self.element.findtext(path) or "").strip() or default
+        found = self.find(path)
+        text = (found.element.text or "" if found else "").strip() or default
         if text is None:
             raise self.fail(f"lacks the element '{path}'")
         return text
@@ -211,7 +241,7 @@ class Node:
     def numbers(self, text: str, what: str, count: int) -> np.ndarray:
         """Return finite numbers of a text. Raises UsageError."""
         try:
-            values = np.array([float(word) for word in text.split()])
+            values = np.array([read_number(word) for word in text.split()])
         except ValueError:
             values = np.array([np.nan])
         if len(values) != count or not np.isfinite(values).all():
@@ -231,6 +261,19 @@ class Node:
     def value(self, path: str, default: float) -> float:
         """Return a number in an element below."""
         return float(self.numbers(self.text(path, repr(default)), path, 1)[0])
+
+    def end(self, path: str, default: float) -> float:
+        """Return a number in an element below, or an infinity."""
+        text = self.text(path, "")
+        infinite = _INFINITE.fullmatch(text)
+        if infinite:
+            return -np.inf if infinite[1] == "-" else np.inf
+        return float(self.numbers(text, path, 1)[0]) if text else default
+
+    def check_limits(self, lower: float, upper: float) -> None:
+        """Raise UsageError: limits that leave no motion."""
+        if not lower < upper:
+            raise self.fail(f"has the limits {lower:g} and {upper:g}: the first must be less")
 
     def direction(self, text: str, what: str) -> np.ndarray:
         """Return a unit vector. Raises UsageError for zero."""

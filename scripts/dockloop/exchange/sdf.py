@@ -8,9 +8,8 @@ import numpy as np
 
 from dockloop.base.errors import UsageError
 from dockloop.base.rotations import make_symmetric
-from dockloop.exchange.constructs import GUESSED, SDF
+from dockloop.exchange.constructs import GUESSED, SDF, SDF_PARTS, SIX
 from dockloop.exchange.robot import (
-    SIX,
     WORLD,
     Coupling,
     Dof,
@@ -39,7 +38,7 @@ def read_sdf(file: str, root: Element) -> Robot:
     if len(models) != 1:
         raise UsageError(f"{file}: has {len(models)} models: an import needs one")
     model = Node(file, models[0])
-    robot = Robot(model.name(), Report(file, SDF))
+    robot = Robot(model.name(), Report(file, SDF, SDF_PARTS))
     meet_all(robot.report, models[0])
     place = _find_frames(model)
     for node in model.all("link"):
@@ -156,7 +155,8 @@ def _read_joint(node: Node, kind: str, robot: Robot, place: Callable) -> Joint:
 
 def _read_law(axis: Node) -> Law:
     value = axis.value
-    lower, upper = value("limit/lower", -1e16), value("limit/upper", 1e16)
+    lower, upper = axis.end("limit/lower", -np.inf), axis.end("limit/upper", np.inf)
+    axis.check_limits(lower, upper)
     stiffness = value("limit/stiffness", 0.0)
     return Law(
         lower=lower if lower > -_NO_LIMIT else -np.inf,

@@ -5,9 +5,9 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from dockloop.base.rotations import find_across, make_symmetric
-from dockloop.exchange.constructs import GUESSED, URDF
+from dockloop.exchange.constructs import GUESSED, SIX, URDF, URDF_PARTS
 from dockloop.exchange.robot import (
-    SIX,
+    WORLD,
     Coupling,
     Dof,
     Joint,
@@ -17,6 +17,7 @@ from dockloop.exchange.robot import (
     Report,
     Robot,
     meet_all,
+    rotate_quaternion,
     rotate_rpy,
 )
 
@@ -27,7 +28,7 @@ _OTHERS = {"fixed": "fixed", "floating": "free", "planar": "planar"}
 def read_urdf(file: str, root: Element) -> Robot:
     """Read a robot; its base is the link without parent. Raises UsageError."""
     model = Node(file, root)
-    robot = Robot(model.name(), Report(file, URDF))
+    robot = Robot(model.name(), Report(file, URDF, URDF_PARTS))
     meet_all(robot.report, root)
     links = {node.name(): node for node in model.all("link")}
     above: dict[str, Node] = {}  # joint above each link
@@ -36,6 +37,8 @@ def read_urdf(file: str, root: Element) -> Robot:
         for end in (parent, child):
             if end not in links:
                 raise node.fail(f"names the link '{end}', not there")
+        if child == WORLD and node.attribute("type") != "fixed":
+            raise node.fail(f"moves the link '{WORLD}', which stands still: give it another name")
         if child in above:
             raise node.fail(f"makes '{child}' the child of two joints: URDF has no loops, use SDF")
         above[child] = node
@@ -66,7 +69,14 @@ def _read_origin(node: Node) -> tuple[np.ndarray, np.ndarray]:
     origin = node.find("origin")
     if origin is None:
         return np.eye(3), np.zeros(3)
-    return rotate_rpy(origin.vector("rpy", "0 0 0")), origin.vector("xyz", "0 0 0")
+    point = origin.vector("xyz", "0 0 0")
+    text = origin.element.get("quat_xyzw")
+    if text is None:
+        return rotate_rpy(origin.vector("rpy", "0 0 0")), point
+    quaternion = origin.numbers(text, "quat_xyzw", 4)
+    if not quaternion.any() or "rpy" in origin.element.attrib:
+        raise origin.fail("has 'quat_xyzw': must not be zero, and there must be no 'rpy'")
+    return rotate_quaternion(quaternion[[3, 0, 1, 2]]), point
 
 
 def _read_link(node: Node, above: dict[str, Node], links: dict[str, Node]) -> Link:
@@ -117,6 +127,7 @@ def _read_joint(node: Node, robot: Robot) -> Joint:
         )
     if (limit := node.find("limit")) and kind != "continuous":
         law.lower, law.upper = limit.number("lower", 0.0), limit.number("upper", 0.0)
+        limit.check_limits(law.lower, law.upper)
     if kind != "continuous" and limit is None:
         robot.report.say(GUESSED, f"joint '{name}' states no limit: it has no stops")
     joint.dofs = [Dof(name, _KINDS[kind], axis, point, law)]
