@@ -114,7 +114,11 @@ class JsonReader {
   }
   double positive(const std::string& key) const {
     const double value = at(key).number();
-    if (value <= 0.0) at(key).fail("is " + at(key).shown() + "; it must be above 0");
+    if (value <= 0.0) {
+      const bool is_tiny = at(key).node_->get<double>() > 0.0;
+      at(key).fail("is " + at(key).shown() + "; it must be above 0" +
+                   (is_tiny ? ", and what is below 1e-100 counts as 0" : ""));
+    }
     return value;
   }
   int whole(int least, int most) const {

@@ -19,6 +19,9 @@ def can_draw() -> bool:
     except ImportError as error:
         warn(f"no figures are drawn ({error}): install it by .venv/bin/pip install matplotlib")
         return False
+    except ValueError as error:  # MPLBACKEND, or a file of settings
+        warn(f"no figures are drawn: matplotlib does not start with its settings ({error})")
+        return False
     matplotlib.rcdefaults()  # figures of commands do not follow settings of the user
     return True
 

@@ -25,6 +25,10 @@ def import_optional(name: str, package: str | None = None) -> Any:
         raise DockloopError(
             f"the package {package or name} is needed here ({error}): install it by {command}"
         ) from None
+    except ValueError as error:  # a setting of the environment, such as MPLBACKEND
+        raise DockloopError(
+            f"the package {package or name} does not start with its settings ({error})"
+        ) from None
 
 
 class ProgressBar:

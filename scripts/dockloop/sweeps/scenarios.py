@@ -40,6 +40,8 @@ def read_scenarios(source: Any, folder: Path) -> tuple[dict[str, Any], str]:
         wrong = f"has two columns '{twice}'" if twice else "has a column without a name"
         raise UsageError(f"{table.place}: {wrong}: must have one column for each key")
     lines = table.columns[0].lines
+    if not len(lines):
+        raise UsageError(f"{table.place}: has no rows: must have one for each case")
     names = values.pop(NAME, [str(number) for number in range(1, len(lines) + 1)])
     if not values:
         raise UsageError(f"{table.place}: has no column but '{NAME}': must have one for each key")
