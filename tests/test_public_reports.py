@@ -273,6 +273,7 @@ REFUSED = [  # thread, file, words of the refusal
         ["joint 'u' has two coordinates along one axis, 'u_1' and 'u_2'"],
     ),
     ("RobotLocomotion/drake#12598: the second of two", two_arms("", '<mimic joint="ja"/><mimic joint="ja" multiplier="3"/>'), ["joint 'jb' has 2 elements 'mimic': must have one"]),
+    ("google-deepmind/mujoco#3527: a blank behind a name", two_arms("", '<mimic joint="ja "/>'), ["'jb_mimic' couples 'ja ', which is not there (did you mean 'ja'"]),
     ("ros/urdfdom#249", limits(1, -1), ["joint 'turn' axis has the limits 1 and -1"]),
     ("ros/urdfdom_headers#95", urdf(more='<limit effort="1" velocity="1"/>'), ["joint 'turn' limit has the limits 0 and 0"]),
     ("stack-of-tasks/pinocchio#60", urdf("continuous").replace(ROBOT_LINK.format("arm", ""), '<link name="arm"/>'), ["nothing that turns with 'arm' has a moment of inertia"]),
@@ -471,6 +472,25 @@ def test_a_column_of_a_force_law_that_means_nothing_is_named(capsys):
     Path("sled.json").write_text(json.dumps(mechanism))
     dl.check("sled.json")
     assert "spring.csv: nothing uses 'count': no quantity of a law" in capsys.readouterr().err
+
+
+def test_what_stands_next_to_a_linked_file_is_found(tmp_path):
+    """Known here, without a thread: behind a link, the shipped mechanism was taken instead."""
+    (tmp_path / "real").mkdir()
+    law = (paths.MECHANISMS / f"{SCENE}.json").read_text().replace("20000", "30000")
+    (tmp_path / "real" / f"{SCENE}.json").write_text(law)
+    shutil.copy(paths.SCENES / f"{SCENE}.toml", tmp_path / "real" / "own.toml")
+    Path("linked.toml").symlink_to(tmp_path / "real" / "own.toml")
+    contact = dl.Scene("linked.toml").document["mechanism"]["contact"]
+    assert contact["stiffness"] == 30000
+    Path(f"{SCENE}.json").write_text(law.replace("30000", "40000"))  # next to the link: first
+    contact = dl.Scene("linked.toml").document["mechanism"]["contact"]
+    assert contact["stiffness"] == 40000
+    text = VEHICLE.replace("in.csv", "jets.csv")
+    (tmp_path / "real" / "vehicle.toml").write_text(text)
+    (tmp_path / "real" / "jets.csv").write_text(HEAD + "0,10\n2,10\n")
+    Path("jets.toml").symlink_to(tmp_path / "real" / "vehicle.toml")
+    assert dl.run("jets.toml")["chaser.velocity[1]"][-1] == pytest.approx(0.02)
 
 
 def test_a_table_of_cases_without_rows_is_refused():

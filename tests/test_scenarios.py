@@ -142,7 +142,7 @@ def test_names_may_begin_like_comments(tmp_path, suffix):
     else:
         pytest.importorskip("openpyxl")
         pd.DataFrame(rows).to_excel(file, index=False, header=False)
-    entry, _ = read_scenarios(file, tmp_path)
+    entry, _ = read_scenarios(file, tmp_path / "own.toml")
     assert entry["cases"] == {name: {"initial.closing_speed": 0.05} for name in names}
 
 
@@ -150,9 +150,9 @@ def test_names_are_texts(tmp_path):
     names = ["001", "1", "0.10", "true", "1e3", "none"]
     rows = "".join(f" {name} ,0.05\n" for name in names)
     (tmp_path / "list.csv").write_text(f"name,initial.closing_speed\n{rows}")
-    assert list(read_scenarios("list.csv", tmp_path)[0]["cases"]) == names
+    assert list(read_scenarios("list.csv", tmp_path / "own.toml")[0]["cases"]) == names
     frame = pd.DataFrame({"name": [1.0, 2.5, "x", 3], "initial.closing_speed": 0.05}, dtype=object)
-    assert list(read_scenarios(frame, tmp_path)[0]["cases"]) == ["1", "2.5", "x", "3"]
+    assert list(read_scenarios(frame, tmp_path / "own.toml")[0]["cases"]) == ["1", "2.5", "x", "3"]
 
 
 DRAWN = {"type": "uniform", "name": "target.mass", "range": [3e5, 4e5]}

@@ -50,6 +50,12 @@ def is_file(path: Path) -> bool:
         return False
 
 
+def next_to(file: Path, name: str | Path) -> Path:
+    """Return a file next to another one; where it is not, next to what a link leads to."""
+    here, there = file.parent / name, file.resolve().parent / name
+    return there if is_file(there) and not is_file(here) else here
+
+
 def name_kind(name: str) -> str:
     """Say what a name that was not found is: a folder, another shipped file; else nothing."""
     with suppress(OSError):

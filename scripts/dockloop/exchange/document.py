@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from dockloop.base.errors import UsageError
+from dockloop.base.errors import UsageError, did_you_mean
 from dockloop.base.rotations import find_across
 from dockloop.exchange.constructs import GUESSED, LEFT_OUT, MAPPED
 from dockloop.exchange.robot import WORLD, Dof, Joint, Law, Robot
@@ -226,7 +226,13 @@ def _write_loop(
 
 
 def _write_coupling(robot: Robot, coupling: Any, joints: dict[str, str]) -> dict[str, Any]:
+    known = [dof.name for joint in robot.joints for dof in joint.dofs]
     for name in (coupling.dependent, *(term for term, _ in coupling.terms)):
+        if name not in known:
+            near = did_you_mean(name, known)
+            raise UsageError(
+                f"{robot.report.file}: '{coupling.name}' couples '{name}', which is not there{near}"
+            )
         if name not in joints:
             raise UsageError(
                 f"{robot.report.file}: '{coupling.name}' couples '{name}', which is no single"

@@ -9,7 +9,16 @@ from pathlib import Path
 from typing import Any
 
 from dockloop.base.errors import UsageError, did_you_mean, find_reason
-from dockloop.base.paths import MECHANISMS, SCENES, check_file, is_file, name_kind, read_text, shown
+from dockloop.base.paths import (
+    MECHANISMS,
+    SCENES,
+    check_file,
+    is_file,
+    name_kind,
+    next_to,
+    read_text,
+    shown,
+)
 
 
 def find_shipped(reference: str, kind: str, folder: Path) -> Path:
@@ -55,9 +64,9 @@ def find_scene(reference: str) -> Path:
 
 def find_mechanism(name: str, scene_path: Path) -> Path:
     """Find a mechanism next to a scene, or else among the shipped ones. Raises UsageError."""
-    for folder in (scene_path.parent, MECHANISMS):
-        if is_file(folder / f"{name}.json"):
-            return folder / f"{name}.json"
+    for file in (next_to(scene_path, f"{name}.json"), MECHANISMS / f"{name}.json"):
+        if is_file(file):
+            return file
     names = sorted({f.stem for f in MECHANISMS.glob("*.json")})
     raise UsageError(
         f"{shown(scene_path)}: mechanism.name is '{name}': there is no {name}.json next to the"

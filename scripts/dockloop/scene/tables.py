@@ -22,7 +22,7 @@ from dockloop.base.histories import (
     read_data,
     split_column,
 )
-from dockloop.base.paths import shown
+from dockloop.base.paths import next_to, shown
 from dockloop.base.tables import Table, parse_form, read_table
 from dockloop.base.units import find_factor
 from dockloop.native.core import core_errors, name_source, to_json
@@ -71,7 +71,7 @@ def put_law_tables(mechanism: dict, source: Path) -> None:
 def _read_law(law: dict, source: Path, what: str, joint: str | None) -> None:
     """Put the rows of a file into its law. @param joint: type of the joint; None: of a leg."""
     place = f"{shown(source)}: {what}"
-    path, form, columns = _take_file(law, source.parent, place)
+    path, form, columns = _take_file(law, source, place)
     table = read_table(path, form)
     rates = law.get("rates")
     forces = [f"force[{i}]" for i in range(1, len(rates) + 1)] if rates else ["force"]
@@ -129,7 +129,7 @@ def read_inputs(entries: Sequence[dict], document: dict, source: Path) -> list[d
     histories: dict[str, dict[str, Any]] = {}
     for number, entry in enumerate(copy.deepcopy(entries), 1):
         place = f"{shown(source)}: input[{number}]"
-        path, form, columns = _take_file(entry, source.parent, place)
+        path, form, columns = _take_file(entry, source, place)
         data = read_data(path, ["time", *inputs], units, form, columns, terms)
         _warn_of_unknown(shown(path), data.unknown, terms)
         for name, values in zip(data.names, data.values.T, strict=True):
@@ -166,19 +166,19 @@ def _warn_of_unknown(place: str, headings: Sequence[str], terms: Terms) -> None:
 
 
 def _take_file(
-    entry: dict, folder: Path, place: str
+    entry: dict, source: Path, place: str
 ) -> tuple[Path, dict[str, str], dict[str, tuple[str, str]]]:
     """Take ``file``, ``csv`` and ``columns`` out of a law or an input. Raises UsageError.
 
     Args:
         entry: modified in place.
-        folder: to which the file is relative.
+        source: of the entry: next to it is the file.
         place: of the entry, for messages.
 
     Returns:
         The path of the file, what is stated of its form, what its columns mean.
     """
-    path = folder / entry.pop("file")
+    path = next_to(source, entry.pop("file"))
     csv = entry.pop("csv", "")
     form = parse_form(csv, f"{place}: csv") if csv else {}
     columns = {name: split_column(value) for name, value in entry.pop("columns", {}).items()}

@@ -12,7 +12,7 @@ from typing import Any
 
 from dockloop.base.errors import DockloopError, UsageError, did_you_mean, warn
 from dockloop.base.number import as_number
-from dockloop.base.paths import is_file, read_text, shown
+from dockloop.base.paths import is_file, next_to, read_text, shown
 from dockloop.base.units import find_factor
 from dockloop.base.version import __version__
 from dockloop.fmu.binaries import find_libraries
@@ -221,7 +221,7 @@ class Planner:
         for number, quantity in enumerate(self._sweep.quantities):
             for value in self._sweep.cases.list_examples(number):
                 names |= {quantity.settings(value).get("mechanism.name")} - {None}
-        files = {name: self._sweep.scene.parent / f"{name}.json" for name in sorted(names)}
+        files = {name: next_to(self._sweep.scene, f"{name}.json") for name in sorted(names)}
         return {name: read_text(f) for name, f in files.items() if is_file(f)}
 
     def list_settings(self, values: tuple[Value, ...]) -> dict[str, Any]:

@@ -22,7 +22,7 @@ import numpy as np
 from dockloop.base import schema
 from dockloop.base.errors import UsageError
 from dockloop.base.number import as_number
-from dockloop.base.paths import SWEEPS, shown
+from dockloop.base.paths import SWEEPS, next_to, shown
 from dockloop.native.variables import NAMED_NUMBERS
 from dockloop.scene.find import find_scene, find_shipped, read_toml
 from dockloop.scene.resolve import parse_value, write_scene
@@ -222,7 +222,7 @@ def make_sweep(
         given = {**given, "scene": str(write_scene(given["scene"]))}
     table, form = given.get("cases"), ""
     if hasattr(table, "columns") or (isinstance(table, str | Path) and str(table)):
-        (given, form), text = _write_out(given, path.parent), None
+        (given, form), text = _write_out(given, path), None
     schema.check(given, "sweep", path)
     if "vary" not in given:
         raise UsageError(
@@ -235,9 +235,9 @@ def make_sweep(
     _check_members(document, path)
     _check_not_drawn(document, path)
     document["experiment"] = given.get("experiment", {})
-    next_to = path.parent / given["scene"]
+    beside = next_to(path, given["scene"])
     try:
-        scene = find_scene(str(next_to) if next_to.suffix == ".toml" else given["scene"])
+        scene = find_scene(str(beside) if beside.suffix == ".toml" else given["scene"])
     except UsageError as error:
         raise UsageError(f"{shown(path)}: scene: {error}") from None
     quantities = list_quantities(document)
@@ -252,11 +252,11 @@ def make_sweep(
     return Sweep(path, text, scene, document, quantities, cases, passes, form=form)
 
 
-def _write_out(given: dict, folder: Path) -> tuple[dict, str]:
+def _write_out(given: dict, path: Path) -> tuple[dict, str]:
     """Return members with the cases of a table as named cases, and how the table was read."""
     from dockloop.sweeps.scenarios import read_scenarios
 
-    entry, form = read_scenarios(given["cases"], folder)
+    entry, form = read_scenarios(given["cases"], path)
     others = {name: value for name, value in given.items() if name != "cases"}
     return others | {"vary": [entry, *given.get("vary", [])]}, form
 

@@ -9,18 +9,19 @@ from pathlib import Path
 from typing import Any
 
 from dockloop.base.errors import UsageError
+from dockloop.base.paths import next_to
 from dockloop.base.tables import Column, Table, from_frame, read_table, say_form
 from dockloop.base.units import is_unit
 
 NAME = "name"  # column of the names, in the table and in that of the results
 
 
-def read_scenarios(source: Any, folder: Path) -> tuple[dict[str, Any], str]:
+def read_scenarios(source: Any, sweep: Path) -> tuple[dict[str, Any], str]:
     """Return the entry of ``vary`` that a table is, and how the table was read.
 
     Args:
         source: a ``pandas.DataFrame``, or the path of a file that `dockloop.base.tables` reads.
-        folder: to which the path is relative.
+        sweep: the file next to which the table is.
 
     Raises:
         UsageError: naming file, row, column, and what is expected.
@@ -29,7 +30,7 @@ def read_scenarios(source: Any, folder: Path) -> tuple[dict[str, Any], str]:
     if hasattr(source, "columns"):
         table = from_frame(source, "cases")
     else:
-        table = read_table(folder / source, is_list=True)
+        table = read_table(next_to(sweep, source), is_list=True)
     values: dict[str, list[Any]] = {
         column.name: (_read_names if column.name == NAME else _read_column)(table, column)
         for column in table.columns

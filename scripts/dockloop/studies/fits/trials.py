@@ -18,7 +18,7 @@ import numpy as np
 from dockloop.base.errors import UsageError, did_you_mean
 from dockloop.base.histories import Data, parse_columns, read_data
 from dockloop.base.number import as_number
-from dockloop.base.paths import read_bytes, shown
+from dockloop.base.paths import next_to, read_bytes, shown
 from dockloop.base.tables import parse_form
 from dockloop.native.core import list_choices
 from dockloop.studies.measured.overlay import is_choice
@@ -86,13 +86,13 @@ def list_trials(data: Sequence[str | Path | Mapping[str, Any]], *, is_plan: bool
     trials: list[Trial] = []
     for given in data:
         if isinstance(given, Mapping):
-            found = [("data", given, Path())]
+            found = [("data", given, Path("data"))]
         elif Path(given).suffix == ".toml":
-            found = [(shown(Path(given)), e, Path(given).parent) for e in _read_list(Path(given))]
+            found = [(shown(Path(given)), e, Path(given)) for e in _read_list(Path(given))]
         else:
-            found = [(shown(Path(given)), {"file": str(given)}, Path())]
-        for place, entry, folder in found:
-            trial = _make_trial(f"{place}: test {len(trials) + 1}", entry, folder, is_plan=is_plan)
+            found = [(shown(Path(given)), {"file": str(given)}, Path("data"))]
+        for place, entry, owner in found:
+            trial = _make_trial(f"{place}: test {len(trials) + 1}", entry, owner, is_plan=is_plan)
             if any(trial.name == other.name for other in trials):
                 raise UsageError(f"{place}: two tests have the name '{trial.name}': give each one")
             trials.append(trial)
@@ -115,8 +115,8 @@ def _read_list(path: Path) -> list[Any]:
     return tests
 
 
-def _make_trial(place: str, entry: Mapping[str, Any], folder: Path, *, is_plan: bool) -> Trial:
-    """Check the members of a test."""
+def _make_trial(place: str, entry: Mapping[str, Any], owner: Path, *, is_plan: bool) -> Trial:
+    """Check the members of a test; its table is next to the owner."""
     for name, value in entry.items():
         if name not in _KINDS:
             near = did_you_mean(name, _KINDS) or f": must be one of {', '.join(_KINDS)}"
@@ -129,7 +129,7 @@ def _make_trial(place: str, entry: Mapping[str, Any], folder: Path, *, is_plan: 
         n: check_noise(f"{place}: noise of '{n}'", v) for n, v in entry.get("noise", {}).items()
     }
     check_outcome(f"{place}: outcome", outcome := entry.get("outcome", ""))
-    file = folder / entry.get("file", "")
+    file = next_to(owner, entry.get("file", ""))
     name = entry.get("name") or file.stem or place.rpartition(": ")[2]
     return Trial(
         name,
