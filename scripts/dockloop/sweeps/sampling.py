@@ -235,9 +235,9 @@ def make_sweep(
     _check_members(document, path)
     _check_not_drawn(document, path)
     document["experiment"] = given.get("experiment", {})
-    beside = next_to(path, given["scene"])
+    own = next_to(path, given["scene"])
     try:
-        scene = find_scene(str(beside) if beside.suffix == ".toml" else given["scene"])
+        scene = find_scene(str(own) if own.suffix == ".toml" else given["scene"])
     except UsageError as error:
         raise UsageError(f"{shown(path)}: scene: {error}") from None
     quantities = list_quantities(document)
