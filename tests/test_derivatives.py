@@ -186,6 +186,11 @@ def test_directional_derivatives_are_those_of_central_differences(runs, instant)
 
 NO_FRICTION = ("contact.friction_coefficient=0", {"friction.coefficient": 0.3})
 OFFSETS = {"chaser.interface_position[2]": 0.05, "chaser.inertia[4]": 5e3, "target.inertia[6]": 8e6}
+SLACK = [
+    f"force.1.{member}"
+    for member in ("type=tether", "stiffness=8", "free_length=90", "target_point=[0, 1, 0]")
+]
+TAUT = {"force[1].free_length": 0.1}
 VARIANTS = {
     "no friction until it is set": (DEFAULT, (NEAR, NO_FRICTION[0]), NO_FRICTION[1]),
     "no thrust until it is set": (DEFAULT, (NEAR,), {"chaser.contact_thrust": 300.0}),
@@ -194,6 +199,7 @@ VARIANTS = {
     "equal vehicles": ("idss_100t_100t", (NEAR,), {}),
     "base fixed, no target": ("hexapod_bench", (), {}),
     "absorber": ("absorber_1d", (), {}),
+    "a tether that is slack until it is set": ("absorber_1d", SLACK, TAUT),
     "parts of vehicles": (DEFAULT, (NEAR, *PARTS), {}),
 }
 

@@ -5,6 +5,7 @@
 #include "contact/latches_body.hpp"
 #include "docking/docking_model_body.hpp"
 #include "docking/hard_dock_body.hpp"
+#include "docking/vehicle_force_body.hpp"
 #include "mechanism/element_forces_body.hpp"
 #include "mechanism/joint_forces_body.hpp"
 #include "mechanism/mechanism_dynamics_body.hpp"

@@ -80,7 +80,8 @@ StateLayout make_layout(const DockingModel& model) {
     layout.pose[i] = take(7);
     layout.momentum[i] = take(6);
   }
-  layout.sum_count = count_sums(mechanism, model.hard_dock);
+  layout.sum_count = count_sums(mechanism, model.hard_dock, model.forces);
+  layout.force_sums = model.forces.empty() ? 0 : 1;
   layout.sums = take(layout.sum_count);
   layout.impulse = take(6);
   for (int i : {kChaser, kTarget}) {
@@ -104,9 +105,11 @@ void list_mechanism_bodies(DockingModel& model) {
 
 }  // namespace
 
-int count_sums(const MechanismModel& mechanism, const HardDock& dock) {
-  if (!dock.empty()) return kSumCountWithHardDock;
-  return mechanism.elements.empty() ? kSumCount : kSumCountWithElements;
+int count_sums(const MechanismModel& mechanism, const HardDock& dock,
+               const std::vector<VehicleForce>& forces) {
+  const int more = forces.empty() ? 0 : 1;
+  if (!dock.empty()) return kSumCountWithHardDock + more;
+  return (mechanism.elements.empty() ? kSumCount : kSumCountWithElements) + more;
 }
 
 VehicleBody find_bare_vehicle(const VehicleBody& of_host, const VehicleBody& frozen) {
@@ -208,6 +211,7 @@ DockingModel make_docking_model(const Scene& scene,
   model.disturbances = scene.disturbances;
   model.inputs = scene.inputs;
   model.hard_dock = scene.hard_dock;
+  model.forces = scene.forces;
   model.falling = chaser_moves && (!scene.has_target || model.moves[kTarget]);
   model.layout = make_layout(model);
   return model;
@@ -215,8 +219,7 @@ DockingModel make_docking_model(const Scene& scene,
 
 bool needs_other_matrix(const DockingModel& model) {
   const bool is_on_adapter = model.mechanism.model.carrier != model.mechanism.vehicle;
-  return model.layout.bristle_count > 0 || model.target ||
-         (is_on_adapter && !model.hard_dock.empty());
+  return model.layout.bristle_count > 0 || model.target || (is_on_adapter && model.acts_across());
 }
 
 namespace {

@@ -39,7 +39,8 @@
 namespace dockloop {
 
 /// Dissipated energies and other sums that are integrated with the state. Brakes and drives only if
-/// there are force elements or a hard dock, the last one only with a hard dock.
+/// there are force elements or a hard dock, that of the hard dock only with one. Where forces act
+/// between the vehicles, one more is the last.
 enum Sum {
   kSumContact,
   kSumFriction,
@@ -54,7 +55,8 @@ enum Sum {
   kSumCountWithHardDock
 };
 
-int count_sums(const MechanismModel& mechanism, const HardDock& dock);
+int count_sums(const MechanismModel& mechanism, const HardDock& dock,
+               const std::vector<VehicleForce>& forces);
 
 /// Where things are in y; -1 = not there.
 struct StateLayout {
@@ -66,12 +68,15 @@ struct StateLayout {
   int bristles = 0, bristle_count = 0;           ///< of contact pairs
   int element_bristles = 0, element_bristle_count = 0;  ///< of brakes; just before `bristles`
   int sums = 0, sum_count = kSumCount;                  ///< energies [J]
-  int impulse = 0;  ///< external impulse (3), external angular impulse about O (3)
+  int force_sums = 0;  ///< of them, at the end: 1 with forces between the vehicles, else 0
+  int impulse = 0;     ///< external impulse (3), external angular impulse about O (3)
   std::array<int, 2> host_impulse{-1, -1};  ///< impulses (6) of what the host of a driven vehicle
                                             ///< applies to it by itself: known loads, gravity
   int size = 0;
-  bool has_element_sums() const { return sum_count > kSumCount; }
-  bool has_hard_dock_sum() const { return sum_count > kSumCountWithElements; }
+  bool has_element_sums() const { return sum_count - force_sums > kSumCount; }
+  bool has_hard_dock_sum() const { return sum_count - force_sums > kSumCountWithElements; }
+  bool has_force_sum() const { return force_sums > 0; }
+  int force_sum() const { return sum_count - 1; }  ///< its place among the sums
 };
 
 /// A mechanism that is held still relative to its vehicle: with it, it is one rigid body, and
@@ -115,6 +120,7 @@ struct DockingModel {
   ContactModel contact;
   LatchSet latches;
   HardDock hard_dock;
+  std::vector<VehicleForce> forces;  ///< at most kMaxVehicleForces
   PhaseLimits phase_limits;
   Sequence sequence;                        ///< empty: phases follow from motion and latches
   std::vector<Disturbance> disturbances;    ///< at most kMaxDisturbances
@@ -122,6 +128,8 @@ struct DockingModel {
   double thrust = 0.0, thrust_delay = 0.0;  ///< [N] along x of A at the CoM, [s]
   bool falling = true;                      ///< O falls with gravity
   StateLayout layout;
+  /// Does anything act between A and P, not G and P?
+  bool acts_across() const { return !hard_dock.empty() || !forces.empty(); }
 };
 
 /// What changes at events and at accepted states only, never inside a step of the integrator.
@@ -184,20 +192,21 @@ struct DockingData {
   std::array<FrameMotion<S>, 2> interface;  ///< A, P
   FrameMotion<S> capture;                   ///< G
   RelativeMotion<S> relative;               ///< P relative to G
-  RelativeMotion<S> across;                 ///< P relative to A, with a hard dock only
+  RelativeMotion<S> across;                 ///< P relative to A, where something acts across
   ContactWorkspace<S> contact_work;
   ContactResult<S> contact;
   LatchResult<S> latch;
   Wrench<S> on_passive;  ///< contact and latches, about G, axes of O
   HardDockResult<S> hard_dock;
-  Wrench<S> on_target;  ///< hard dock or rigid joint, about A, axes of O
-  Wrench<S> on_chaser;  ///< of bodies on the chaser, about its origin, axes of O
+  VehicleForceLoad<S> forces;  ///< between the vehicles
+  Wrench<S> on_target;         ///< hard dock and forces, or rigid joint, about A, axes of O
+  Wrench<S> on_chaser;         ///< of bodies on the chaser, about its origin, axes of O
   JointForceSums<S> joints;
   ElementData<S> elements;
   VecX<S> command;                   ///< as in ExternalLoads
   VecX<S> joint_force;               ///< per joint force [N]
   VecX<S> bristle_rate;              ///< scratch where no rates are wanted
-  bool touches = true;               ///< false: as if contact, latches and hard dock were not there
+  bool touches = true;               ///< false: as if nothing acted between the vehicles
   Vec3<S> thrust = Vec3<S>::Zero();  ///< on the chaser's CoM, axes of O
 };
 

@@ -240,7 +240,7 @@ void calc_frames(const DockingModel& model, const S* y, DockingData<S>& data) {
       return;
     }
     data.relative = find_relative(data.capture, data.interface[kTarget]);
-    if (!model.hard_dock.empty()) {
+    if (model.acts_across()) {
       data.across = find_relative(data.interface[kChaser], data.interface[kTarget]);
     }
   }
@@ -398,7 +398,7 @@ void calc_docking_reactions(const DockingModel& model, DockingData<S>& data) {
   }
   if (carrier != vehicle) {
     if (model.mechanism.model.capture_body == carrier) on_base -= captured;
-    if (!model.hard_dock.empty()) {
+    if (model.acts_across()) {
       const Vec3<S> arm = data.interface[kChaser].p - chaser.p;
       data.on_chaser.f -= data.on_target.f;
       data.on_chaser.t -= data.on_target.t + arm.cross(data.on_target.f);
@@ -439,17 +439,22 @@ Status calc_element_loads(const DockingModel& model, const DiscreteState& discre
   return status;
 }
 
-/// Load across A and P: forces of the hard dock; with a rigid joint, what moves the target with the
-/// chaser. @pre loads on the chaser from outside; contact and latches
+/// Load across A and P: hard dock and forces between the vehicles; with a rigid joint, what moves
+/// the target with the chaser. @pre loads on the chaser from outside; contact and latches
 template <class S>
 void calc_load_on_target(const DockingModel& model, const DiscreteState& discrete,
                          const ExternalLoads<S>& loads, const S& t, DockingData<S>& data) {
   const FrameMotion<S>&chaser = data.vehicle[kChaser], &A = data.interface[kChaser];
   const bool is_joined = data.locked && data.locked->has_target;
   calc_hard_dock(model.hard_dock, discrete.hard_dock, t, data.across, data.hard_dock);
+  Wrench<S> across = data.hard_dock.on_passive;
+  if (!model.forces.empty()) {
+    data.forces = sum_vehicle_forces<S>(model.forces, data.across);
+    across += data.forces.on_passive;
+  }
   if (!is_joined) {
-    data.on_target.f = A.R * data.hard_dock.on_passive.f;
-    data.on_target.t = A.R * data.hard_dock.on_passive.t;
+    data.on_target.f = A.R * across.f;
+    data.on_target.t = A.R * across.t;
   } else {
     const FrameMotion<S>& target = data.vehicle[kTarget];
     Wrench<S> outside;  // about the chaser's origin, without weight
@@ -500,7 +505,7 @@ void calc_outside_loads(const DockingModel& model, const DiscreteState& discrete
     load.f += loads.force[kChaser] + data.thrust;
     load.t += data.vehicle[kChaser].R * loads.torque[kChaser];
   }
-  if (model.hard_dock.empty()) return;
+  if (!model.acts_across()) return;
   data.on_target = Wrench<S>();
   if (data.touches) calc_load_on_target(model, discrete, loads, t, data);
 }
@@ -517,7 +522,7 @@ void calc_target_loads(const DockingModel& model, const ExternalLoads<S>& loads,
     sum.t += load.t + (at - data.carrier[kTarget].p).cross(load.f);
   };
   add(data.on_passive, data.capture.p);
-  if (!model.hard_dock.empty()) add(data.on_target, data.interface[kChaser].p);
+  if (model.acts_across()) add(data.on_target, data.interface[kChaser].p);
   Wrench<S>& outside = target.tree.external[model.target->vehicle];
   outside.f += loads.force[kTarget];
   outside.t += data.vehicle[kTarget].R * loads.torque[kTarget];
@@ -642,7 +647,7 @@ void calc_vehicle_rates(const DockingModel& model, const ExternalLoads<S>& loads
   }
   Vec3<S> exchanged = data.on_passive.f;
   Vec3<S> exchanged_moment = data.capture.p.cross(data.on_passive.f) + data.on_passive.t;
-  if (!model.hard_dock.empty()) {
+  if (model.acts_across()) {
     exchanged += data.on_target.f;
     exchanged_moment += data.interface[kChaser].p.cross(data.on_target.f) + data.on_target.t;
   }
@@ -692,6 +697,9 @@ void calc_vehicle_rates(const DockingModel& model, const ExternalLoads<S>& loads
   if (model.layout.has_hard_dock_sum()) {
     sums[kSumDrives] += data.hard_dock.work;
     sums[kSumHardDock] = data.hard_dock.dissipation;
+  }
+  if (model.layout.has_force_sum()) {
+    sums[model.layout.force_sum()] = data.forces.dissipation;
   }
   put<S>(ydot + model.layout.impulse, impulse);
   put<S>(ydot + model.layout.impulse + 3, angular_impulse);

@@ -1,9 +1,9 @@
-// Numbers of springs, of the capture hardware and of the hard dock that a host may set before a
-// run.
+// Numbers of springs, of the capture hardware, of the hard dock and of forces between the vehicles
+// that a host may set before a run.
 //
 // One list gives their names in the FMU, units, limits and order: springs of legs and joints,
-// contact laws, latches, faces, hooks, pushers. Friction and restitution have parameters of their
-// own (sim/values.hpp).
+// contact laws, latches, faces, hooks, pushers, forces. Friction and restitution have parameters of
+// their own (sim/values.hpp).
 #pragma once
 
 #include <string>
@@ -65,6 +65,10 @@ void for_each_docking_number(Owner& owner, F&& f) {
     for_each_number(kHookRowNumbers, row, "hooks.row[" + std::to_string(++k) + "].", f);
   }
   if (dock.pusher_count() > 0) for_each_number(kPusherNumbers, dock.pushers, "pushers.", f);
+  size_t n = 0;
+  for (auto& force : owner.forces) {
+    for_each_force_number(force, "force[" + std::to_string(++n) + "].", f);
+  }
 }
 
 /// All numbers of the hardware.

@@ -175,7 +175,7 @@ void read_forces(const DockingModel& model, const Interface& geometry,
       R * (data.capture.p - chaser.p) - geometry.arm.cast<Derivative>();  // G goes with q
   Vec3<Derivative> force = R * data.on_passive.f;
   Vec3<Derivative> moment = R * data.on_passive.t + moved.cross(force);
-  if (!model.hard_dock.empty()) {  // it acts on the chaser itself, about A
+  if (model.acts_across()) {  // it acts on the chaser itself, about A
     const Vec3<Derivative> across = R * data.on_target.f;
     const Vec3<Derivative> arm =
         R * (data.interface[kChaser].p - chaser.p) - geometry.arm.cast<Derivative>();
@@ -262,11 +262,14 @@ Status calc_stiffness(const DockingModel& model, const DiscreteState& discrete,
   return {};
 }
 
-/// Does a contact or latch hold P at G?
+/// Does a contact or latch hold P at G? A force between the vehicles counts where nothing else can.
 bool is_held(const DockingModel& model, const DiscreteState& discrete,
              const DockingData<double>& at) {
   if (!model.contact.empty() && at.contact.active_count > 0) return true;
-  if (!model.hard_dock.empty() && !at.on_target.f.isZero(0.0)) return true;
+  const bool can_be_held =
+      !model.contact.empty() || model.latches.count() > 0 || !model.hard_dock.empty();
+  if (!model.hard_dock.empty() && !at.hard_dock.on_passive.f.isZero(0.0)) return true;
+  if (!can_be_held && !at.on_target.f.isZero(0.0)) return true;
   for (int i = 0; i < model.latches.count(); ++i) {
     const LatchMode mode = discrete.latch[i].mode;
     const bool grips = mode == LatchMode::kHeld || mode == LatchMode::kReleasing;

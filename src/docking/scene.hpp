@@ -16,6 +16,7 @@
 #include "docking/input_history.hpp"
 #include "docking/phase_limits.hpp"
 #include "docking/sequence.hpp"
+#include "docking/vehicle_force.hpp"
 #include "math/choice.hpp"
 #include "math/types.hpp"
 #include "model/mechanism_model.hpp"
@@ -139,6 +140,7 @@ struct Scene {
   PhaseLimits phase_limits;  ///< follow from the surfaces where the file states none
   Sequence sequence;         ///< of the mechanism; empty if its file has none
   std::vector<Disturbance> disturbances;
+  std::vector<VehicleForce> forces;  ///< between A and P; none without a target
   std::vector<InputHistory> inputs;
   RatedLoads rated;
   CaptureBodyStart capture_body_start;

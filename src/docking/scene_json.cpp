@@ -8,6 +8,7 @@
 #include "docking/hardware_json.hpp"
 #include "docking/scene.hpp"
 #include "docking/sequence_json.hpp"
+#include "docking/vehicle_force_json.hpp"
 #include "docking/vehicle_part_json.hpp"
 #include "math/rotation.hpp"
 #include "model/element_json.hpp"
@@ -342,6 +343,7 @@ Scene read_members(const JsonReader& root, const std::string& source_name) {
   for (const JsonReader& item : root.list("input", kMaxInputHistories)) {
     scene.inputs.push_back(read_input(item, scene));
   }
+  scene.forces = read_vehicle_forces(root);
   if (root.has("initial")) read_initial(root.at("initial"), scene);
   if (root.has("solver")) {
     const JsonReader solver = root.at("solver");

@@ -93,7 +93,7 @@ StructuredMatrix::StructuredMatrix(const DockingModel& model)
       n_(model.layout.mechanism_nv),
       all_(n_ + model.layout.element_bristle_count),
       skipped_(static_cast<int>(model.mechanism.plan.ind_v.size()) - n_),
-      loads_(model.hard_dock.empty() ? 6 : 12),
+      loads_(model.acts_across() ? 12 : 6),
       tree_(model.mechanism.model) {
   const MechanismModel& mechanism = model.mechanism.model;
   const int vehicle = model.mechanism.vehicle;
@@ -230,7 +230,7 @@ void StructuredMatrix::build_vehicle(const DockingModel& model, int i,
   vehicle.W.noalias() = vehicle.N * vehicle.to_motion;
 }
 
-/// What contact, latches and hard dock add, in axes of G.
+/// What contact, latches, hard dock and forces between the vehicles add, in axes of G.
 void StructuredMatrix::build_tangents(const DockingModel& model, const DiscreteState& discrete,
                                       const ContactMemory& memory, const DockingData<double>& at,
                                       double t) {
@@ -244,6 +244,7 @@ void StructuredMatrix::build_tangents(const DockingModel& model, const DiscreteS
     if (!model.hard_dock.empty()) {
       add_hard_dock_tangent(model.hard_dock, discrete.hard_dock, t, at.across, dock_tangent_);
     }
+    add_vehicle_force_tangent(model.forces, at.across, dock_tangent_);
   }
   const auto acts = [](const InterfaceTangent& tangent) {
     return !tangent.stiffness.isZero(0.0) || !tangent.damping.isZero(0.0);

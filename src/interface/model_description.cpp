@@ -97,7 +97,7 @@ void write_units(XmlWriter& xml) {
     xml.open("Unit", {{"name", unit.name}});
     XmlWriter::Attributes exponents;
     const std::pair<const char*, int> all[] = {
-        {"kg", unit.kg}, {"m", unit.m}, {"s", unit.s}, {"rad", unit.rad}};
+        {"kg", unit.kg}, {"m", unit.m}, {"s", unit.s}, {"A", unit.A}, {"rad", unit.rad}};
     for (const auto& [base, exponent] : all) {
       if (exponent != 0) exponents.push_back({base, std::to_string(exponent)});
     }

@@ -57,6 +57,8 @@ constexpr Quantity kStiffness{"Stiffness", "N/m", "", 1e6, "", "Stiffness of a p
 constexpr Quantity kDamping{"Damping", "N.s/m", "", 1e3, "", "Force per speed"};
 constexpr Quantity kDampingFactor{
     "DampingFactor", "s/m", "", 1.0, "", "Factor of a speed on an elastic force"};
+constexpr Quantity kMagneticMoment{
+    "MagneticMoment", "A.m2", "", 1.0, "", "Moment of a magnet, as a dipole"};
 constexpr Quantity kAngularMomentum{"AngularMomentum", "N.m.s",           "", 1e3,
                                     "AngularMomentum", "Angular momentum"};
 
@@ -285,13 +287,14 @@ void add_elements(Table& table, DockingSim& sim);
 void add_disturbances(Table& table, DockingSim& sim);
 void add_failures(Table& table, DockingSim& sim);
 void add_hard_dock(Table& table, const HardDock& dock, Inputs& in, Outputs& out);
+void add_vehicle_forces(Table& table, const Scene& scene, Outputs& out);
 void add_hardware(Table& table, DockingSim& sim);
 void add_states(Table& table, Outputs& out);
 void add_loops(Table& table, Outputs& out);
 
 // variables_solver.cpp
 
-void add_energy(Table& table, Outputs& out, bool has_elements, bool has_hard_dock);
+void add_energy(Table& table, Outputs& out, const Scene& scene);
 void add_state_vector(Table& table, const Scene& scene, Outputs& out);
 void add_coupling_parameters(Table& table, Parameters& parameter, Inputs& in);
 void add_coupling_outputs(Table& table, Outputs& out);

@@ -89,6 +89,7 @@ const std::vector<Unit>& unit_definitions() {
       {"N/m", 1, 0, -2, 0, {}},
       {"N.s/m", 1, 0, -1, 0, {}},
       {"s/m", 0, -1, 1, 0, {}},
+      {"A.m2", 0, 2, 0, 0, {}, 1},
   };
   return kUnits;
 }
@@ -126,11 +127,12 @@ std::vector<Variable> make_variables(DockingSim& sim) {
   add_failures(table, sim);
   add_disturbances(table, sim);
   add_hard_dock(table, scene.hard_dock, inputs, outputs);
+  add_vehicle_forces(table, scene, outputs);
   add_hardware(table, sim);
   if (wants("states")) add_states(table, outputs);
   if (wants("loops")) add_loops(table, outputs);
   if (wants("energy")) {
-    add_energy(table, outputs, !scene.mechanism.elements.empty(), !scene.hard_dock.empty());
+    add_energy(table, outputs, scene);
   }
   const bool is_driven = !offers_model_exchange(scene);
   if (is_driven) add_coupling_parameters(table, parameters, inputs);

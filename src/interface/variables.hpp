@@ -75,6 +75,7 @@ struct Unit {
   const char* name;
   int kg, m, s, rad;
   std::vector<DisplayUnit> display;
+  int A = 0;
 };
 const std::vector<Unit>& unit_definitions();
 

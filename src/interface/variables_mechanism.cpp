@@ -1,4 +1,5 @@
-// Rows of the variable table: ring, legs, elements, failures, disturbances, hard dock, loops.
+// Rows of the variable table: ring, legs, elements, failures, disturbances, hard dock, forces,
+// loops.
 #include "docking/hardware_numbers.hpp"
 #include "docking/phases.hpp"
 #include "interface/variable_table.hpp"
@@ -197,13 +198,29 @@ void add_hard_dock(Table& table, const HardDock& dock, Inputs& in, Outputs& out)
   table.output("joint.rigid", &out.joint_rigid, kNone, "Chaser and target are one rigid body");
 }
 
+/// Forces of the scene between the vehicles.
+void add_vehicle_forces(Table& table, const Scene& scene, Outputs& out) {
+  for (size_t i = 0; i < out.vehicle_force.size(); ++i) {
+    const std::string name = indexed("force", i);
+    const std::string of = std::string(" of this ") + name_of(scene.forces[i].kind);
+    table.outputs(name + ".force", out.vehicle_force[i], kForce,
+                  "Force" + of + " on the target, axes of P");
+    table.outputs(name + ".torque", out.vehicle_torque[i], kTorque,
+                  "Torque" + of + " on the target about the origin of P, axes of P");
+    table
+        .output(name + ".distance", &out.vehicle_distance[i], kSmallLength,
+                "Distance of the points" + of + " on chaser and target")
+        .not_negative();
+  }
+}
+
 namespace {
 
 /// Quantity of a number of the hardware, by its unit.
 const Quantity& find_quantity(const std::string& unit) {
   if (unit.empty()) return kLawNumber;
-  for (const Quantity* each :
-       {&kSmallLength, &kSmallVelocity, &kTime, &kForce, &kStiffness, &kDamping, &kDampingFactor}) {
+  for (const Quantity* each : {&kSmallLength, &kSmallVelocity, &kTime, &kForce, &kStiffness,
+                               &kDamping, &kDampingFactor, &kMagneticMoment}) {
     if (unit == each->unit) return *each;
   }
   return kNone;
@@ -211,7 +228,7 @@ const Quantity& find_quantity(const std::string& unit) {
 
 }  // namespace
 
-/// Numbers of springs, and of contact laws, latches and hard dock where there is a target.
+/// Numbers of springs, and of contact laws, latches, hard dock and forces where there is a target.
 void add_hardware(Table& table, DockingSim& sim) {
   Parameters& parameters = sim.parameters();
   const Scene& scene = sim.scene();

@@ -6,7 +6,9 @@
 
 namespace dockloop {
 
-void add_energy(Table& table, Outputs& out, bool has_elements, bool has_hard_dock) {
+void add_energy(Table& table, Outputs& out, const Scene& scene) {
+  const bool has_elements = !scene.mechanism.elements.empty(),
+             has_hard_dock = !scene.hard_dock.empty();
   table.output("energy.kinetic", &out.energy_kinetic, kEnergy,
                "Kinetic energy of all bodies inside");
   table.output("energy.potential", &out.energy_potential, kEnergy,
@@ -28,6 +30,10 @@ void add_energy(Table& table, Outputs& out, bool has_elements, bool has_hard_doc
   if (has_hard_dock) {
     table.output("energy.dissipated_hard_dock", &out.energy_dissipated_hard_dock, kEnergy,
                  "Energy dissipated in faces, hooks and pushers, and when a rigid joint was made");
+  }
+  if (!scene.forces.empty()) {
+    table.output("energy.dissipated_forces", &out.energy_dissipated_forces, kEnergy,
+                 "Energy dissipated by damping of springs and tethers between the vehicles");
   }
   if (has_elements || has_hard_dock) {
     table.output("energy.drive_work", &out.energy_drive_work, kEnergy,
@@ -103,6 +109,9 @@ void add_state_vector(Table& table, const Scene& scene, Outputs& out) {
   }
   if (!scene.hard_dock.empty()) {
     rows("ode.dissipated_hard_dock", 1, kEnergy, "Energy dissipated since the start", true);
+  }
+  if (!scene.forces.empty()) {
+    rows("ode.dissipated_forces", 1, kEnergy, "Energy dissipated since the start");
   }
   rows("ode.impulse", 3, kMomentum, "Impulse of forces from outside since the start");
   rows("ode.angular_impulse", 3, kAngularMomentum, "Angular impulse of forces from outside");

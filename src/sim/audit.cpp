@@ -9,7 +9,7 @@ namespace dockloop {
 
 double find_potential_energy(const DockingData<double>& data) {
   return data.joints.energy + data.elements.sums.energy + data.contact.energy + data.latch.energy +
-         data.hard_dock.energy;
+         data.hard_dock.energy + data.forces.energy;
 }
 
 double find_total_energy(const DockingModel& model, const DockingData<double>& data) {
@@ -29,6 +29,7 @@ EnergyBalance find_energy_balance(const DockingModel& model, const DockingData<d
     brought += sums[kSumDrives];
   }
   if (model.layout.has_hard_dock_sum()) dissipated += sums[kSumHardDock];
+  if (model.layout.has_force_sum()) dissipated += sums[model.layout.force_sum()];
   balance.residual = kinetic + potential + dissipated - brought - audit.start;
   // Start energy, external work and energy of springs: no quantity with an integration error.
   balance.in_play = std::abs(audit.start) + std::abs(brought) + std::max(0.0, -potential);

@@ -226,6 +226,11 @@ Dependencies DockingSim::find_dependencies() {
     me.memory = ContactMemory();
     if (sample % 2) me.parameters.contact_thrust = 100.0;
     me.adopt_tunables();
+    if (!me.model->forces.empty()) {
+      const auto changed = std::make_shared<DockingModel>(*me.model);
+      make_forces_felt(changed->forces);
+      me.use_model(changed);
+    }
     me.discrete.thrust_on = sample % 2 != 0;
     for (LatchState& latch : me.discrete.latch) {
       latch.mode = static_cast<LatchMode>(1 + sample % 4);

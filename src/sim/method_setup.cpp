@@ -253,7 +253,8 @@ double DockingSim::Impl::find_real_time_step(bool is_implicit) {
       inverse_mass +=
           1.0 / find_interface_mass(scene->parts[i], parameters.vehicle[i], share_without_modes[i]);
   }
-  const double docked = dock.faces.stiffness + dock.hooks.stiffness * dock.hooks.count();
+  double docked = dock.faces.stiffness + dock.hooks.stiffness * dock.hooks.count();
+  for (const VehicleForce& force : model->forces) docked += force.stiffness;
   limit(std::sqrt(docked * inverse_mass), per_oscillation);
   return step;
 }

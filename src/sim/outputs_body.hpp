@@ -106,7 +106,7 @@ void read_vehicle_loads(const OutputSource<S>& from, OutputValues<S>& out) {
                                    data.mechanism.tree.alpha[0]);
       }
     }
-    if (!model.hard_dock.empty() && carries_itself(model, i)) {
+    if (model.acts_across() && carries_itself(model, i)) {
       const S sign(i == kTarget ? 1 : -1);
       const Vec3<S> arm = data.interface[kChaser].p - frame.p;
       load.f += sign * data.on_target.f;
@@ -175,6 +175,19 @@ void read_hard_dock(const OutputSource<S>& from, OutputValues<S>& out) {
   out.face_force = data.hard_dock.face_force;
   out.pusher_force = data.hard_dock.pusher_force;
   std::copy_n(data.hard_dock.hook_force.begin(), out.hook_force.size(), out.hook_force.begin());
+}
+
+/// Loads of the forces between the vehicles.
+template <class S>
+void read_vehicle_forces(const OutputSource<S>& from, OutputValues<S>& out) {
+  const RelativeMotion<S>& across = from.data.across;
+  for (size_t i = 0; i < out.vehicle_force.size(); ++i) {
+    const VehicleForce& force = from.model.forces[i];
+    const Wrench<S> load = calc_vehicle_force<S>(force, across).on_passive;
+    out.vehicle_force[i] = across.R.transpose() * load.f;
+    out.vehicle_torque[i] = across.R.transpose() * (load.t - across.p.cross(load.f));
+    out.vehicle_distance[i] = find_distance(force, across);
+  }
 }
 
 /// Force along a leg: spring, damper, stops, laws of elements and command, and the force of
@@ -275,7 +288,7 @@ void read_energy(const OutputSource<S>& from, OutputValues<S>& out) {
   const S* sums = from.y + model.layout.sums;
   out.energy_kinetic = find_kinetic_energy(model, data);
   out.energy_potential = data.joints.energy + data.elements.sums.energy + data.contact.energy +
-                         data.latch.energy + data.hard_dock.energy;
+                         data.latch.energy + data.hard_dock.energy + data.forces.energy;
   out.energy_dissipated_contact = sums[kSumContact];
   out.energy_dissipated_friction = sums[kSumFriction];
   out.energy_dissipated_legs = sums[kSumLegs];
@@ -291,6 +304,10 @@ void read_energy(const OutputSource<S>& from, OutputValues<S>& out) {
   if (model.layout.has_hard_dock_sum()) {
     out.energy_dissipated_hard_dock = sums[kSumHardDock];
     out.energy_dissipated += sums[kSumHardDock];
+  }
+  if (model.layout.has_force_sum()) {
+    out.energy_dissipated_forces = sums[model.layout.force_sum()];
+    out.energy_dissipated += out.energy_dissipated_forces;
   }
   out.energy_residual = out.energy_kinetic + out.energy_potential + out.energy_dissipated -
                         out.energy_external - out.energy_drive_work - S(from.energy_start);
@@ -331,6 +348,7 @@ void read_outputs(const OutputSource<S>& from, OutputValues<S>& out) {
   if (from.model.present[kTarget]) read_relative(from, out);
   read_contact(from, out);
   if (!from.model.hard_dock.empty()) read_hard_dock(from, out);
+  read_vehicle_forces(from, out);
   read_mechanism(from, out);
   read_energy(from, out);
 }

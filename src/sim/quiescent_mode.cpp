@@ -81,7 +81,7 @@ const LockedMechanism* QuiescentMode::find_held(bool may_lock) const {
 bool QuiescentMode::is_free() const {
   return (is_joined() ? can_drift_ : is_possible_) && !state_.discrete.thrust_on &&
          !events_.find_thrust_onset() && model_->disturbances.empty() && model_->inputs.empty() &&
-         loads_.are_absent(model_->falling);
+         (is_joined() || model_->forces.empty()) && loads_.are_absent(model_->falling);
 }
 
 /// Do drives and the sequence change nothing by themselves, nor failures at their time?

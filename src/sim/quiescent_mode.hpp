@@ -4,9 +4,9 @@
 // move it by no more than the tolerance. Vehicle and mechanism then
 // drift freely as one rigid body. Its centre of mass moves on a straight line, and its attitude
 // follows Euler's equations. Momentum states and mechanism coordinates keep their bits. Any load,
-// thrust or command ends the quiescent state. So does a gap of a centimetre, and a change of spin
-// that would move the mechanism. The error of the coordinates is then about ten absolute
-// tolerances.
+// thrust or command ends the quiescent state; where a force acts between the vehicles there is
+// none. So does a gap of a centimetre, and a change of spin that would move the mechanism. The
+// error of the coordinates is then about ten absolute tolerances.
 //
 // A rigid joint between the vehicles (docking/hard_dock.hpp) holds the mechanism too, as long as it
 // is on. Without loads the stack then drifts as one body.

@@ -106,8 +106,8 @@ Inputs find_start_inputs(const Scene& scene) {
 /// Entries of the state vector, see StateLayout.
 int count_states(const Scene& scene, const LoopPlan& plan) {
   const MechanismModel& m = scene.mechanism;
-  int count = count_sums(m, scene.hard_dock) + 6 + count_element_bristles(m.elements, m.failures) +
-              bristle_state_count(scene.contact);
+  int count = count_sums(m, scene.hard_dock, scene.forces) + 6 +
+              count_element_bristles(m.elements, m.failures) + bristle_state_count(scene.contact);
   for (int i : plan.ind_bodies) count += m.bodies[i].nq() + m.bodies[i].nv();
   for (int i : {kChaser, kTarget}) {
     count += 2 * scene.parts[i].count_coordinates();
@@ -127,6 +127,7 @@ ListSizes find_list_sizes(const Scene& scene, const LoopPlan& plan, int state_co
   put(scene.contact.rings ? Per::kPetal : Per::kSurfaceGroup, scene.contact.surfaces.size());
   put(Per::kLatch, scene.latches.count());
   put(Per::kHook, scene.hard_dock.hooks.count());
+  put(Per::kVehicleForce, scene.forces.size());
   put(Per::kLeg, scene.mechanism.legs.size());
   put(Per::kElement, scene.mechanism.elements.size());
   put(Per::kPartCoordinate, chaser_parts + scene.parts[kTarget].count_coordinates());
@@ -161,6 +162,9 @@ void DockingSim::Impl::clear() {
   Outputs start_outputs;
   set_sizes<OutputValues<double>>(list_sizes, start_outputs);
   set_sizes<PointOutputs>(list_sizes, start_outputs);
+  for (auto* list : {&start_outputs.vehicle_force, &start_outputs.vehicle_torque}) {
+    for (Vec3<double>& load : *list) load.setZero();
+  }
   for (Vec3<double>& force : start_outputs.loop_force) force.setZero();
   outputs = start_outputs;
   slopes = inputs;
@@ -205,6 +209,7 @@ void DockingSim::Impl::put_hardware(DockingModel& into) const {
   }
   check_latches(into.latches);
   check_hard_dock(into.hard_dock);
+  check_vehicle_forces(into.forces);
 }
 
 void DockingSim::Impl::choose_frame_O() {
@@ -425,6 +430,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   attach_kernel();
   warn_about_start();
   if (model->present[kTarget]) {
+    check_vehicle_forces(model->forces, &present().across);
     // Faces of a docked pair are compressed by much less.
     constexpr double kDeepest = 1e-3;  // [m]
     const double depth = find_face_depth(model->hard_dock, present().across);

@@ -51,7 +51,7 @@ struct Parameters {
   int friction_model = 1;                ///< 1 regularised, 2 bristle
   double restitution = 0.0;              ///< [-] at restitution_speed
   double restitution_speed = 0.0;        ///< [m/s]
-  std::vector<double> hardware_numbers;  ///< of springs, surfaces, latches, hard dock
+  std::vector<double> hardware_numbers;  ///< of springs, surfaces, latches, hard dock, forces
                                          ///< (docking/hardware_numbers.hpp)
   std::vector<char> latch_overload;      ///< 0 or 1, one per latch: it releases on overload
   std::vector<double> element_numbers;   ///< of all laws (model/force_element.hpp)
@@ -122,6 +122,7 @@ enum class Per {
   kSurfaceGroup,
   kLatch,
   kHook,
+  kVehicleForce,
   kLeg,
   kElement,
   kPartCoordinate,
@@ -199,6 +200,10 @@ struct OutputValues {
   S face_force = S(0), pusher_force = S(0);  ///< sums [N]
   List<S, Per::kHook> hook_force;            ///< tension [N]
 
+  // forces between the vehicles: load of each on the target, about the origin of P, axes of P
+  List<Vec3<S>, Per::kVehicleForce> vehicle_force, vehicle_torque;  ///< [N], [N m]
+  List<S, Per::kVehicleForce> vehicle_distance;                     ///< of its points [m]
+
   // group ring: G with respect to A, axes of A (angular velocity in axes of A)
   Vec3<S> ring_position = Vec3<S>::Zero();
   Vec4<S> ring_attitude{S(1), S(0), S(0), S(0)};
@@ -225,10 +230,11 @@ struct OutputValues {
 
   // group energy
   S energy_kinetic = S(0), energy_potential = S(0);  ///< [J]; kinetic in the internal frame
-  S energy_dissipated = S(0);                        ///< sum of the six below [J]
+  S energy_dissipated = S(0);                        ///< sum of the seven below [J]
   S energy_dissipated_contact = S(0), energy_dissipated_friction = S(0);
   S energy_dissipated_legs = S(0), energy_dissipated_latches = S(0);
   S energy_dissipated_brakes = S(0), energy_dissipated_hard_dock = S(0);
+  S energy_dissipated_forces = S(0);
   S energy_drive_work = S(0);                    ///< of motors and drives on the mechanism [J]
   S energy_external = S(0);                      ///< work done by forces from outside [J]
   S energy_residual = S(0);                      ///< error of the energy balance [J]

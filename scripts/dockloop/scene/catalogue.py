@@ -174,7 +174,7 @@ def _list_keys(scene: dict, document: dict, starts: dict[str, Any]) -> Iterator[
 
 
 def _list_entries(scene: dict) -> Iterator[Entry]:
-    """Yield the members of the disturbances and of the parts of vehicles that a scene has."""
+    """Yield the members of the entries of the lists that a scene has."""
     for prefix in LISTS:
         for number, entry in enumerate(find_entries(scene, prefix), 1):
             for member, node in entry_members(prefix).items():

@@ -34,7 +34,7 @@ from dockloop.native.core import number_choice
 from dockloop.native.variables import NAMED_NUMBERS, VEHICLES, fits, match_names, say_matches
 from dockloop.scene.find import find_mechanism, get_mechanism, read_mechanism, read_toml
 from dockloop.scene.patterns import expand_patterns
-from dockloop.scene.tables import list_files, put_law_tables, read_inputs
+from dockloop.scene.tables import list_files, put_force_tables, put_law_tables, read_inputs
 from dockloop.scene.values import as_setting, to_text
 
 FORMAT = "dockloop-scene/1"
@@ -44,6 +44,7 @@ PATHS = ("mechanism.set.", "sequence.set.")  # begin keys that go on as paths in
 # Lists of tables: what an entry is, by the beginning of its keys, which its number from 1 follows.
 LISTS = {
     "disturbance.": "disturbance",
+    "force.": "force between the vehicles",
     "input.": "table of inputs",
     "chaser.part.": "part of the chaser",
     "target.part.": "part of the target",
@@ -201,11 +202,12 @@ def _resolve(scene: dict, mechanism: dict, path: Path) -> dict:
         "experiment": _defaults("experiment") | scene.get("experiment", {}),
         "outputs": _defaults("outputs") | scene.get("outputs", {}),
     }
-    for key in ("coupling", "disturbance", "model", "phases"):
+    for key in ("coupling", "disturbance", "force", "model", "phases"):
         if key in scene:
             document[key] = scene[key]
     if "target" in scene:
         document["target"] = _defaults("target") | scene["target"]
+    put_force_tables(document.get("force", ()), path)
     if base := {m: named[f"base_{m}"] for m in _BASE if f"base_{m}" in named}:
         document["base"] = base
     if "input" in scene:
@@ -274,8 +276,8 @@ def apply_override(scene: dict, text: str) -> dict[tuple[str | int, ...], Any]:
         text: dotted key, ``=``, a TOML value; bare words are texts. A key with ``*`` means all keys
             that are like it. What follows ``mechanism.set.`` is a path into the mechanism file, and
             what follows ``sequence.set.`` one into its steps; what follows ``initial.joints.``
-            begins with the name of a body, and what follows ``disturbance.``, ``input.``,
-            ``chaser.part.`` or ``target.part.`` with a number from 1.
+            begins with the name of a body, and what follows ``disturbance.``, ``force.``,
+            ``input.``, ``chaser.part.`` or ``target.part.`` with a number from 1.
 
     Returns:
         The value, by each place in the scene where it is.

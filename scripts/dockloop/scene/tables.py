@@ -1,7 +1,8 @@
 """Tables of users in scenes and mechanisms: the numbers take the place of the file.
 
-A force law of type ``table`` reads a force over travel, an entry of ``[[input]]`` histories of
-inputs. Columns are mapped and converted as those of measurements are (`dockloop.base.histories`).
+A force law of type ``table`` reads a force over travel, an entry of ``[[force]]`` one over gap and
+offset, an entry of ``[[input]]`` histories of inputs. Columns are mapped and converted as those of
+measurements are (`dockloop.base.histories`).
 """
 
 import copy
@@ -58,13 +59,43 @@ def put_law_tables(mechanism: dict, source: Path) -> None:
             if law["type"] != "table":
                 continue
             what = f"law {number} of element '{entry['name']}'"
-            has_file, has_rows = "file" in law, "travel" in law and "force" in law
-            if has_file == has_rows or (has_file and ("travel" in law or "force" in law)):
-                raise UsageError(
-                    f"{shown(source)}: {what}: must have either 'file' or 'travel' and 'force'"
-                )
-            if has_file:
+            if _names_file(law, "travel", f"{shown(source)}: {what}"):
                 _read_law(law, source, what, joints.get(entry["along"][0]["joint"]))
+
+
+@_naming_members()
+def put_force_tables(forces: Sequence[dict], source: Path) -> None:
+    """Read the files of forces between the vehicles; arrays take their place.
+
+    Args:
+        forces: entries of ``[[force]]``, which the schema accepts, modified in place.
+        source: the scene file: next to it are the tables.
+
+    Raises:
+        UsageError: naming file, line or column, value, and what is expected.
+        DockloopError: a package is missing.
+    """
+    for number, entry in enumerate(forces, 1):
+        what = f"force[{number}]"
+        if entry["type"] != "table" or not _names_file(entry, "gap", f"{shown(source)}: {what}"):
+            continue
+        path, form, columns = _take_file(entry, source, f"{shown(source)}: {what}")
+        table = read_table(path, form)
+        offsets = entry.get("offset")
+        names = [f"force[{i}]" for i in range(1, len(offsets) + 1)] if offsets else ["force"]
+        units = {"gap": _SLIDE[0], **dict.fromkeys(names, _SLIDE[1])}
+        terms = Terms(f"{what}: columns", "a force 'table'", "quantity", "force:N")
+        values = _read_forces(table, units, columns, terms, "sort the rows")
+        entry["gap"] = values["gap"].tolist()
+        entry["force"] = [values[name].tolist() for name in names]
+
+
+def _names_file(entry: dict, along: str, place: str) -> bool:
+    """Return whether a table is in a file; else it is in the entry. Raises UsageError."""
+    has_file, has_rows = "file" in entry, along in entry and "force" in entry
+    if has_file == has_rows or (has_file and (along in entry or "force" in entry)):
+        raise UsageError(f"{place}: must have either 'file' or '{along}' and 'force'")
+    return has_file
 
 
 @_naming_members()
@@ -80,6 +111,32 @@ def _read_law(law: dict, source: Path, what: str, joint: str | None) -> None:
         units = _TURN
     expected = {"travel": units[0], **dict.fromkeys(forces, units[1])}
     terms = Terms(f"{what}: columns", "a law 'table'", "quantity", f"force:{units[1]}")
+    advice = "sort the rows, and give each branch of a hysteresis a column of its own with a rate"
+    values = _read_forces(table, expected, columns, terms, advice)
+    law["travel"] = values["travel"].tolist()
+    lists = [values[name].tolist() for name in forces]
+    law["force"] = lists if rates else lists[0]
+
+
+def _read_forces(
+    table: Table,
+    expected: Mapping[str, str],
+    columns: Mapping[str, tuple[str, str]],
+    terms: Terms,
+    advice: str,
+) -> dict[str, np.ndarray]:
+    """Return the values of the expected columns, the first of which must increase.
+
+    Args:
+        table: of the file.
+        expected: unit of each quantity by its name.
+        columns: what the columns mean, where the user says it.
+        terms: for messages.
+        advice: what to do if the first quantity does not increase.
+
+    Raises:
+        UsageError: naming file, line or column, value, and what is expected.
+    """
     found, left_out = find_channels(table, expected, columns, terms)
     channels = {channel.name: channel for channel in found}
     for name, unit in expected.items():
@@ -90,19 +147,17 @@ def _read_law(law: dict, source: Path, what: str, joint: str | None) -> None:
             )
     _warn_of_unknown(table.place, list_unknown(left_out, columns), terms)
     values = {name: _read_full(table, channel) for name, channel in channels.items()}
-    travel, lines = values["travel"], channels["travel"].column.lines
-    if len(travel) < 2:
+    first = next(iter(expected))
+    along, lines = values[first], channels[first].column.lines
+    if len(along) < 2:
         raise UsageError(f"{table.place}: has one row of values: a law needs two or more")
-    if (falls := np.flatnonzero(np.diff(travel) <= 0.0)).size:
+    if (falls := np.flatnonzero(np.diff(along) <= 0.0)).size:
         row = int(falls[0]) + 1
         raise UsageError(
-            f"{table.place}: travel must increase, but in {table.line} {lines[row]} it is"
-            f" {travel[row]:g} {units[0]} after {travel[row - 1]:g}: sort the rows, and give each"
-            " branch of a hysteresis a column of its own with a rate"
+            f"{table.place}: {first} must increase, but in {table.line} {lines[row]} it is"
+            f" {along[row]:g} {expected[first]} after {along[row - 1]:g}: {advice}"
         )
-    law["travel"] = travel.tolist()
-    lists = [values[name].tolist() for name in forces]
-    law["force"] = lists if rates else lists[0]
+    return values
 
 
 @_naming_members()
@@ -147,11 +202,15 @@ def read_inputs(entries: Sequence[dict], document: dict, source: Path) -> list[d
 
 
 def list_files(scene: Mapping[str, Any]) -> list[dict]:
-    """Return the entries of a scene that is no file which name a table: inputs, force laws."""
+    """Return the entries of a scene that is no file which name a table: inputs, forces, laws."""
     mechanism = scene.get("mechanism", {})
     forces = mechanism.get("forces", []) if isinstance(mechanism, Mapping) else []
     laws = [law for force in forces for law in force.get("laws", [])]
-    return [entry for entry in [*scene.get("input", []), *laws] if "file" in entry]
+    return [
+        entry
+        for entry in [*scene.get("input", []), *scene.get("force", []), *laws]
+        if "file" in entry
+    ]
 
 
 def _warn_of_unknown(place: str, headings: Sequence[str], terms: Terms) -> None:
