@@ -293,9 +293,10 @@ def test_the_reader_of_sweeps_takes_what_a_page_shows(block, tmp_path):
     if "test" in members:  # of a fit
         assert [trial.name for trial in list_trials(members["test"], is_plan=False)] == FITTED
         return
-    if "chaser" in members:  # of a scene
+    if members.keys() & {"chaser", "force"}:  # of a scene
         scene = tomllib.loads(find_scene(DEFAULT).read_text())
-        dl.Docking(scene | {"chaser": scene["chaser"] | members["chaser"]}).step(0.01)
+        chaser = scene["chaser"] | members.get("chaser", {})
+        dl.Docking(scene | members | {"chaser": chaser}).step(0.01)
         return
     (tmp_path / "mine.toml").write_text(block.text)
     (tmp_path / "scenarios.csv").write_text(SCENARIOS)
