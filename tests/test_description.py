@@ -47,13 +47,14 @@ VARIANTS = [
 ]
 EVERY_VARIANT = pytest.mark.parametrize("variant", VARIANTS, ids=" ".join)
 
-# Exponents of kg, m, s, rad of every unit, and how display units follow from it.
+# Exponents of kg, m, s, rad (and A) of every unit, and how display units follow from it.
 UNITS = {
     "1": (0, 0, 0, 0), "m": (0, 1, 0, 0), "m/s": (0, 1, -1, 0), "m/s2": (0, 1, -2, 0),
     "rad": (0, 0, 0, 1), "rad/s": (0, 0, -1, 1), "rad/s2": (0, 0, -2, 1), "s": (0, 0, 1, 0),
     "kg": (1, 0, 0, 0), "kg.m2": (1, 2, 0, 0), "N": (1, 1, -2, 0), "N.m": (1, 2, -2, 0),
     "N.s": (1, 1, -1, 0), "N.m.s": (1, 2, -1, 0), "J": (1, 2, -2, 0), "W": (1, 2, -3, 0),
     "1/s": (0, 0, -1, 0), "N/m": (1, 0, -2, 0), "N.s/m": (1, 0, -1, 0), "s/m": (0, -1, 1, 0),
+    "A.m2": (0, 2, 0, 0, 1),
 }  # fmt: skip
 DISPLAY = {"mm": 1e3, "mm/s": 1e3, "deg": 180 / np.pi, "deg/s": 180 / np.pi, "t": 1e-3}
 
@@ -106,8 +107,9 @@ def test_a_ratio_is_no_number_of_a_force_law(runs):
 def test_units_have_the_right_exponents_and_display_factors(runs, variant):
     for unit in description(runs.fmu(*variant)).iterfind("UnitDefinitions/Unit"):
         base = unit.find("BaseUnit")
-        exponents = tuple(int(base.get(key, 0)) for key in ("kg", "m", "s", "rad"))
-        assert exponents == UNITS[unit.get("name")], unit.get("name")
+        exponents = tuple(int(base.get(key, 0)) for key in ("kg", "m", "s", "rad", "A"))
+        expected = UNITS[unit.get("name")]
+        assert exponents == (*expected, *(0,) * (5 - len(expected))), unit.get("name")
         for display in unit.iterfind("DisplayUnit"):
             factor = float(display.get("factor"))
             assert factor == pytest.approx(DISPLAY[display.get("name")]), display.get("name")
