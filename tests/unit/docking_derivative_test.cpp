@@ -141,7 +141,7 @@ Results<S> collect(const Docking& docking, const std::vector<S>& ydot, const Doc
   add("capture_force", data.on_passive.f, 0, 3);
   add("capture_moment", data.on_passive.t, 0, 3);
   add("latch_force", data.latch.force, 0, docking.model.latches.count());
-  if (!docking.model.hard_dock.empty()) {
+  if (docking.model.acts_across()) {
     add("hook_force", data.hard_dock.hook_force, 0, docking.model.hard_dock.hooks.count());
     add("force_across", data.on_target.f, 0, 3);
     add("moment_across", data.on_target.t, 0, 3);
@@ -149,9 +149,9 @@ Results<S> collect(const Docking& docking, const std::vector<S>& ydot, const Doc
   const RelativeMotion<S> x = find_relative(data.interface[kChaser], data.interface[kTarget]);
   add("relative_position", x.p, 0, 3);
   add("relative_velocity", x.v, 0, 3);
-  const std::array<S, 2> energy{
-      find_kinetic_energy(docking.model, data),
-      data.contact.energy + data.latch.energy + data.joints.energy + data.hard_dock.energy};
+  const std::array<S, 2> energy{find_kinetic_energy(docking.model, data),
+                                data.contact.energy + data.latch.energy + data.joints.energy +
+                                    data.hard_dock.energy + data.forces.energy};
   add("kinetic_energy", energy, 0, 1);
   add("potential_energy", energy, 1, 1);
   return results;
@@ -366,6 +366,8 @@ INSTANTIATE_TEST_SUITE_P(
         Case{"latches_releasing", ring_without_surfaces, -0.012, 0.0, 0.01, kNone, 1,
              set_latches<LatchMode::kReleasing>, 4e-10},
         Case{"hooks_and_faces", ring_with_hooks, -0.01, 0.0, 0.03, kNone, 1, dock, 1e-9},
+        Case{"forces_between_the_vehicles", ring_with_forces, 0.3, 0.2, 0.12, kNone, 1, unchanged,
+             5e-13},
         // The relative velocity of joined vehicles is a rounding error, and its derivatives are.
         Case{"rigid_joint", ring_with_hooks, -0.01, 0.0, 0.03, kNone, 1,
              [](Docking& docking, TestRandom& random) {

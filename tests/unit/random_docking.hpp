@@ -155,6 +155,31 @@ inline Scene ring_with_hooks() {
   return scene;
 }
 
+/// A spring, a taut tether, magnets and a table between the vehicles.
+inline Scene ring_with_forces() {
+  using V = Vec3<double>;
+  Scene scene = ring_without_surfaces();
+  for (Latch& latch : scene.latches.latch) latch.law.push_force = 0.0;
+  VehicleForce force;
+  force.chaser_point = V(0.1, 0.2, -0.1);
+  force.target_point = V(0.2, -0.1, 0.3);
+  force.stiffness = 3e3;
+  force.damping = 200.0;
+  force.free_length = 0.2;
+  force.toe = 0.05;
+  force.size = 0.1;
+  force.chaser_moment = V(3e3, 500.0, -200.0);
+  force.target_moment = V(2e3, -700.0, 900.0);
+  force.table = make_force_table({-3.0, 0.0, 3.0}, {0.0, 0.5, 1.0},
+                                 {{-90.0, -50.0, 0.0}, {-70.0, -45.0, 0.0}, {-9.0, -3.0, 0.0}});
+  using Kind = VehicleForce::Kind;
+  for (const Kind kind : {Kind::kSpring, Kind::kTether, Kind::kDipoles, Kind::kTable}) {
+    force.kind = kind;
+    scene.forces.push_back(force);
+  }
+  return scene;
+}
+
 /// Faces pressed, one row of hooks closed, the other one in the middle of a ramp at t = 7.02 s.
 inline void dock(Docking& docking, TestRandom& random) {
   using V = Vec3<double>;

@@ -235,6 +235,8 @@ INSTANTIATE_TEST_SUITE_P(
                    kSegmentAnnulus, kSpent, false, 2.2e-3, 8.7e-3},
         MatrixCase{"driven_chaser", ring_driven, kSlight, 0.2, 0.12, kSegmentAnnulus, kSpent, false,
                    2.7e-3, 2.5e-2},
+        MatrixCase{"forces_between_the_vehicles", ring_with_forces, -0.3, 0.2, 0.12, kNone, kSpent,
+                   false, 6e-3, 4.5e-2},
         MatrixCase{"locked", ring, kSlight, 0.2, 0.12, kSegmentAnnulus, kSpent, true, 7.5e-6,
                    1.8e-4}),
     [](const ::testing::TestParamInfo<MatrixCase>& at) { return std::string(at.param.name); });
