@@ -120,8 +120,8 @@ def _read_law(law: dict, source: Path, what: str, joint: str | None) -> None:
 
 def _read_forces(
     table: Table,
-    expected: Mapping[str, str],
-    columns: Mapping[str, tuple[str, str]],
+    expected: dict[str, str],
+    columns: dict[str, tuple[str, str]],
     terms: Terms,
     advice: str,
 ) -> dict[str, np.ndarray]:
