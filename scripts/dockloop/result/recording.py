@@ -4,7 +4,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -48,6 +48,7 @@ def find_column(names: Sequence[str], name: str) -> int:
     return names.index(name)
 
 
+@cache  # a run asks for each name some ten times
 def find_vector(name: str) -> str | None:
     """Return the vector of which a variable is an entry: ``a.b`` for ``a.b[3]``."""
     found = re.fullmatch(r"(.+)\[\d+\]", name)

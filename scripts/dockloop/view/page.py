@@ -26,7 +26,6 @@ from dockloop.native.variables import VEHICLES
 from dockloop.report.run import say_outcome
 from dockloop.result.peaks import find_peak
 from dockloop.result.recording import Result
-from dockloop.result.summary import summarise
 from dockloop.view import geometry, parts
 from dockloop.view.mesh import read_mesh
 
@@ -206,7 +205,7 @@ def read_web(room: str, name: str) -> str:
 def describe_outcome(run: Result) -> str:
     """Say in one line how the docking ended."""
     timed = {"loop": 1.0, "do_step": 0.0, "read": 0.0, "load": 0.0}  # a result file has no times
-    return say_outcome(summarise(replace(run, wall=timed)))
+    return say_outcome((run if run.wall else replace(run, wall=timed)).summary)
 
 
 def _find_poses(run: Result, shapes: dict) -> tuple[dict[str, np.ndarray], list[str]]:

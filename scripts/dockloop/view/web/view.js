@@ -79,6 +79,7 @@
   const space = $('space');
   const context = space.getContext('webgl2', { antialias: true, preserveDrawingBuffer: true, alpha: false });
   let view = null;
+  const SLOW = 25; // ms: where a program draws the space, no graphics hardware
 
   /** Build what is drawn; `before`, of the docking before, hands over renderer, camera and state. */
   function makeView(before) {
@@ -546,9 +547,19 @@
       }),
       draw: () => { // boxes fade from near, where they would hide the mechanism
         const far = Math.min(1, Math.max(0, camera.position.distanceTo(controls.target) / (12 * extent) - 0.7));
-        for (const faces of walls) faces.opacity = 0.04 + 0.14 * far;
+        for (const faces of walls) Object.assign(faces, { opacity: 0.18 * far, visible: far > 0 }); // a veil costs half of a picture
         for (const name of names) name.visible = far > 0;
+        const began = performance.now();
         renderer.render(scene, camera);
+        if (!state.isTimed) return;
+        context.readPixels(0, 0, 1, 1, context.RGBA, context.UNSIGNED_BYTE, new Uint8Array(4)); // waits for the picture
+        Object.assign(state, { isTimed: false, isSlow: performance.now() - began > SLOW });
+      },
+      /** Draw half as fine while the docking changes, if a picture takes long; it is timed when that rests. */
+      setMoving: (on) => {
+        const ratio = Math.min(window.devicePixelRatio || 1, 2) * (on && state.isSlow ? 0.5 : 1);
+        if (renderer.getPixelRatio() !== ratio) renderer.setPixelRatio(ratio);
+        state.isTimed = !on;
       },
       setVehicles: (on) => vehicles.forEach((holder) => { holder.visible = on; }),
       matrix: (name) => {
@@ -576,13 +587,25 @@
     });
     return `repeating-linear-gradient(90deg, ${stops.join(', ')})`;
   }
+  /** Add a sheet with a heading, and the line that shows the time. */
+  function addSheet(title) {
+    const make = (tag) => document.createElement(tag);
+    const outer = make('figure'), caption = make('figcaption'), heading = make('b'), sheet = make('div'), canvas = make('canvas'), cursor = make('i');
+    heading.textContent = title;
+    canvas.setAttribute('role', 'img');
+    canvas.setAttribute('aria-label', `${title} over time`);
+    caption.append(heading);
+    sheet.append(canvas, cursor);
+    outer.append(caption, sheet);
+    $('curves').append(outer);
+    addPointer(canvas);
+    figures.push({ canvas, caption, cursor, width: 0 });
+    return figures[figures.length - 1];
+  }
   function addFigure(title, series, more = {}) {
     const found = series.filter((s) => has(s.column));
     if (!found.length) return;
-    const figure = document.createElement('figure'), caption = document.createElement('figcaption');
-    const canvas = document.createElement('canvas'), heading = document.createElement('b');
-    heading.textContent = title;
-    caption.append(heading);
+    const figure = addSheet(title);
     found.forEach((s, k) => {
       s.color = s.color || COLORS.lines[k % COLORS.lines.length];
       s.dashes = COLORS.dashes[k % COLORS.dashes.length];
@@ -591,28 +614,16 @@
       key.style.background = s.dashes.length ? makeDashes(s) : s.color;
       s.text = document.createTextNode('');
       entry.append(key, s.text);
-      caption.append(entry);
+      figure.caption.append(entry);
     });
-    canvas.setAttribute('role', 'img');
-    canvas.setAttribute('aria-label', `${title} over time`);
-    figure.append(caption, canvas);
-    $('curves').append(figure);
-    figures.push({ canvas, series: found, ...more });
-    addPointer(canvas);
+    Object.assign(figure, { series: found, ...more });
   }
   function addStrip(title, column, colors, names) {
     if (!has(column)) return;
-    const figure = document.createElement('figure'), caption = document.createElement('figcaption');
-    const canvas = document.createElement('canvas'), heading = document.createElement('b'), text = document.createElement('span');
-    figure.className = 'strip';
-    heading.textContent = title;
-    caption.append(heading, text);
-    canvas.setAttribute('role', 'img');
-    canvas.setAttribute('aria-label', `${title} over time`);
-    figure.append(caption, canvas);
-    $('curves').append(figure);
-    figures.push({ canvas, strip: column, colors, names, text });
-    addPointer(canvas);
+    const text = document.createElement('span'), figure = addSheet(title);
+    figure.canvas.className = 'strip';
+    figure.caption.append(text);
+    Object.assign(figure, { strip: column, colors, names, text });
   }
   function addPointer(canvas) {
     const go = (event) => {
@@ -667,19 +678,27 @@
       i = j;
     }
   }
-  /** Draw a curve or strip afresh, without the time cursor, on a sheet of its own. */
-  function drawFigure(figure) {
+  /** Draw the curves that are old and in the window; first all is measured, then all is drawn. */
+  function drawCurves(everywhere) {
+    if (curvesWanted) for (const figure of figures) figure.isOld = true;
+    curvesWanted = isScrolled = false;
+    const found = figures.filter((figure) => figure.isOld).map((figure) => [figure, figure.canvas.getBoundingClientRect(), figure.caption.offsetHeight]);
+    for (const [figure, box, height] of found) {
+      if (!box.width || (!everywhere && (box.bottom < 0 || box.top > window.innerHeight))) continue;
+      const { style } = figure.caption; // it may grow with its numbers, and never shrinks again
+      style.minHeight = `${Math.max(parseFloat(style.minHeight) || 0, height)}px`;
+      drawFigure(figure, box.width, box.height);
+      figure.isOld = false;
+    }
+  }
+  /** Draw a curve or strip afresh. */
+  function drawFigure(figure, w, h) {
     const { canvas } = figure, ratio = Math.min(window.devicePixelRatio || 1, 2);
-    const w = canvas.clientWidth, h = canvas.clientHeight;
-    if (!w) return;
-    const caption = canvas.previousSibling; // it may grow with its numbers, and never shrinks again
-    caption.style.minHeight = `${Math.max(parseFloat(caption.style.minHeight) || 0, caption.offsetHeight)}px`;
-    const sheet = figure.sheet = document.createElement('canvas');
-    sheet.width = canvas.width = Math.round(w * ratio);
-    sheet.height = canvas.height = Math.round(h * ratio);
-    const pen = sheet.getContext('2d');
+    figure.width = w;
+    canvas.width = Math.round(w * ratio);
+    canvas.height = Math.round(h * ratio);
+    const pen = canvas.getContext('2d');
     pen.scale(ratio, ratio);
-    canvas.getContext('2d').scale(ratio, ratio);
     pen.fillStyle = COLORS.paper;
     pen.fillRect(0, 0, w, h);
     const [ta, tb] = range, right = w - RIGHT, x = (t) => LEFT + ((t - ta) / (tb - ta || 1)) * (right - LEFT);
@@ -774,16 +793,10 @@
     }
   }
   function drawCursors(i) {
+    const part = (time - range[0]) / (range[1] - range[0] || 1), isInside = part > -1e-9 && part < 1 + 1e-9;
     for (const figure of figures) {
-      const { canvas } = figure;
-      if (!figure.sheet) continue;
-      const pen = canvas.getContext('2d'), w = canvas.clientWidth;
-      pen.drawImage(figure.sheet, 0, 0, w, canvas.clientHeight);
-      if (time >= range[0] - 1e-9 && time <= range[1] + 1e-9) {
-        const x = LEFT + ((time - range[0]) / (range[1] - range[0] || 1)) * (w - LEFT - RIGHT);
-        pen.fillStyle = COLORS.ink;
-        pen.fillRect(x - 0.75, 0, 1.5, canvas.clientHeight);
-      }
+      figure.cursor.hidden = !isInside || !figure.width;
+      figure.cursor.style.transform = `translateX(${LEFT + part * (figure.width - LEFT - RIGHT) - 0.75}px)`;
       if (figure.strip) figure.text.textContent = figure.names[columns[figure.strip][i] - 1] || '';
       else for (const s of figure.series) s.text.data = s.say(columns[s.column][i]);
     }
@@ -791,7 +804,7 @@
 
   // ------------------------------------------------------------------ time
 
-  let time = times[0], playing = false, before = 0, wanted = true, curvesWanted = true;
+  let time = times[0], playing = false, before = 0, wanted = true, curvesWanted = true, isScrolled = false;
   const SPEEDS = [0.05, 0.1, 0.25, 0.5, 1, 2, 5, 10];
   const clampTime = (t) => Math.min(times[last], Math.max(times[0], t));
 
@@ -855,7 +868,8 @@
       wanted = true;
       if (time >= times[last]) pause();
     }
-    if (curvesWanted) { figures.forEach(drawFigure); curvesWanted = false; wanted = true; }
+    if (curvesWanted) wanted = true;
+    if (curvesWanted || isScrolled) drawCurves();
     if (wanted) { wanted = false; refresh(); }
     requestAnimationFrame(frame);
   }
@@ -1007,8 +1021,8 @@
   });
 
   let shape = ''; // what decides the drawn bodies and the curves there are
-  /** Show a recording; the camera, the time and the chosen span stay. */
-  function load(next) {
+  /** Show a recording, one of many in a row or not; the camera, the time and the chosen span stay. */
+  function load(next, isMoving = false) {
     const isFirst = !shape;
     data = next;
     ({ meta, geometry, events } = data);
@@ -1029,6 +1043,7 @@
       view?.resize();
     }
     view?.measure();
+    if (!isFirst) view?.setMoving(isMoving); // the first picture takes longer
     fillPage();
     if (isFirst) {
       CAMERAS.splice(0, CAMERAS.length, ...CAMERAS.filter(([key]) => key !== 'ring' || hasRing));
@@ -1044,6 +1059,8 @@
   const fit = () => { view?.resize(); curvesWanted = true; };
   new ResizeObserver(fit).observe($('stage'));
   new ResizeObserver(() => { curvesWanted = true; }).observe($('curves'));
+  document.addEventListener('scroll', () => { isScrolled = true; }, { capture: true, passive: true });
+  window.addEventListener('beforeprint', () => drawCurves(true));
   requestAnimationFrame(frame);
 
   // For tests, stills and films: the page driven from outside.
@@ -1063,7 +1080,7 @@
       if (!event && !Number.isFinite(Number(t))) throw new Error(`no event ${t}`);
       pause();
       setTime(event ? times[event.index] : Number(t));
-      if (curvesWanted) { figures.forEach(drawFigure); curvesWanted = false; }
+      if (curvesWanted) drawCurves();
       wanted = false;
       refresh();
       return time;
