@@ -262,7 +262,7 @@ def test_a_request_that_is_no_request_is_refused(server, body):
     assert ask(server, body=body)[0] == 400
 
 
-@pytest.mark.parametrize("name", ["export", "stop"])
+@pytest.mark.parametrize("name", ["errors", "export", "stop"])
 def test_only_a_run_is_coarse(server, name):
     status, _, body = ask(server, path=f"/{server.token}/{name}", body={"coarse": True})
     assert (status, json.loads(body)) == (400, {"error": f"'{name}' takes no members but settings"})
@@ -328,13 +328,13 @@ def test_a_boolean_is_no_number():
 LONG = {"experiment.stop": "900", "solver.method": "fixed_rk4", "solver.step": "1e-4"}
 
 
-def start_long(bench):
+def start_long(bench, what="compute"):
     """Begin a docking that takes minutes, in a thread; returns the thread and what became of it."""
     ends = []
 
     def work():
         try:
-            bench.compute(LONG)
+            getattr(bench, what)(LONG)
             ends.append("done")
         except DroppedError:
             ends.append("dropped")
@@ -358,13 +358,55 @@ def test_the_newest_request_ends_those_before():
     assert (ends, more) == (["dropped"], ["dropped"])
 
 
-def test_stop_ends_what_is_computed():
+@pytest.mark.parametrize("what", ["compute", "estimate"])
+def test_stop_ends_what_is_computed(what):
     bench = Bench(DEFAULT)
-    thread, ends = start_long(bench)
+    thread, ends = start_long(bench, what)
     bench.stop()
     thread.join(5.0)
     assert ends == ["dropped"]
     assert len(bench.compute({"experiment.stop": "0.1"}).time) == 11
+
+
+def test_errors_are_those_of_the_second_run_of_the_command(server):
+    settings = {"initial.closing_speed": "0.2"}
+    body = {"settings": settings}
+    status, _, text = ask(server, path=f"/{server.token}/errors", body=body)
+    assert status == 200
+    answer = json.loads(text)
+    start = {"initial.closing_speed": 0.2}
+    result = dl.run(SMALL, start, estimate_error=True)
+    assert answer["sentence"] == result.error_estimate["sentence"]
+    used = dict(result.error_estimate["second_run"])
+    del used["evaluations"]
+    tighter = json.loads(json.dumps(condense(dl.run(SMALL, start, used))))
+    assert answer["tighter"] == tighter
+    own = condense(result)["peak_loads"]["compression"]["value"]
+    assert 0.0 < abs(own - tighter["peak_loads"]["compression"]["value"]) < 1e-6 * own
+
+
+def test_errors_that_cannot_be_had_have_a_sentence(server):
+    for settings, name, words in (
+        ({"outputs.groups": '["relative", "capture", "phase"]'}, "outputs.groups", "'solver'"),
+        ({"chaser.mass": "-1"}, "chaser.mass", "must be greater than 0"),
+    ):
+        path, body = f"/{server.token}/errors", {"settings": settings}
+        status, _, text = ask(server, path=path, body=body)
+        answer = json.loads(text)
+        assert (status, answer["name"]) == (422, name)
+        assert words in answer["error"]
+
+
+def test_a_docking_at_a_boundary_has_no_errors(monkeypatch):
+    estimate = {"error": None, "figures": {}, "sentence": "the outcome depends on the last digits"}
+
+    def find(run, repeat):
+        repeat({"accuracy": 0.0})
+        return estimate
+
+    monkeypatch.setattr("dockloop.live.bench.estimate_error", find)
+    answer = Bench(SMALL).estimate({})
+    assert answer == {"sentence": estimate["sentence"], "tighter": None}
 
 
 def test_a_dropped_request_and_a_refused_one_have_their_status(server):
@@ -592,23 +634,123 @@ def test_every_name_is_found_and_can_be_set(window):
 
 @pytest.mark.long
 @needs_browser
-def test_kept_docking_and_strip(window):
-    window.run("document.getElementById('reset').click()")
-    window.wait(f"live.settings.length === 0 && {REFINED}")
-    window.run("document.getElementById('keep').click()")
+def test_strip(window):
+    start_again(window)
     drag(window, "initial.closing_speed", 250)
-    window.wait(REFINED)
-    assert "change" in window.read("figures")
     window.wait("live.cells.filter(Boolean).length === 33")
     cells = window.run("live.cells")
     whole = condense(Bench(SMALL).compute({"initial.closing_speed": "1"}, is_coarse=True))
     assert cells[32]["outcome"] == whole["outcome"]
+    click(window, 0.99, 0.5)
+    assert window.run("live.settings") == [["initial.closing_speed", "1"]]
+    assert window.find_bad() == []
+
+
+@pytest.mark.long
+@needs_browser
+def test_a_kept_docking_is_compared_with_the_error_of_each_figure(window):
+    start_again(window)
+    base = Bench(SMALL)
+    loose = {"solver.rtol": "1e-5"}
+    window.run("live.change('solver.rtol', '1e-5'); live.commit()")
+    window.wait(REFINED)
+    click_button(window, "keep")
+    assert "..." in window.read("figures")
+    speed = base.entries["initial.closing_speed"].default
+    for change, is_within in ((1e-9, True), (1e-2, False)):
+        settings = loose | {"initial.closing_speed": repr(speed * (1.0 + change))}
+        for name, text in settings.items():
+            window.run(f"live.change({name!r}, {text!r})")
+        window.run("live.commit()")
+        window.wait(f"{REFINED} && live.settings.length === 2")
+        window.wait("!document.getElementById('figures').textContent.includes('...')")
+        (x, e), (kept, its) = (
+            (own, abs(own - tight))
+            for own, tight in (
+                (read_peak(condense(base.compute(one))), read_peak(base.estimate(one)["tighter"]))
+                for one in (settings, loose)
+            )
+        )
+        now, other, said = window.run(
+            "[...[...document.querySelectorAll('#figures tbody tr')].find((row) =>"
+            " row.firstChild.textContent === 'compression').querySelectorAll('td')]"
+            ".map((cell) => [...cell.childNodes].map((node) => node.textContent))"
+        )
+        assert float(now[1].removeprefix("± ")) == pytest.approx(e, rel=0.06)
+        assert float(other[1].removeprefix("± ")) == pytest.approx(its, rel=0.06)
+        assert is_within == (abs(x - kept) <= e + its)
+        assert said[1] == ("within error" if is_within else "")
+    assert "error of the kept one: about" in window.run("document.getElementById('figures').title")
+    click_button(window, "forget")
+    assert "kept" not in window.read("figures")
+    assert window.find_bad() == []
+
+
+def read_peak(summary):
+    return summary["peak_loads"]["compression"]["value"]
+
+
+def start_again(window):
+    """Reset all settings and wait until the docking is the first one."""
+    click_button(window, "reset")
+    window.wait(f"live.settings.length === 0 && {REFINED}")
+
+
+def click_button(window, name):
+    window.run(f"document.getElementById({name!r}).click()")
+
+
+def click(window, right, up):
+    """Click into the strip or the map, at parts of its size."""
     window.run(
         "(() => { const sheet = document.querySelector('.setting canvas');"
-        " const { right } = sheet.getBoundingClientRect();"
-        " sheet.dispatchEvent(new MouseEvent('click', { clientX: right - 2 })); })()"
+        " const b = sheet.getBoundingClientRect();"
+        f" const place = {{ clientX: b.left + {right} * b.width,"
+        f" clientY: b.bottom - {up} * b.height }};"
+        " sheet.dispatchEvent(new MouseEvent('click', place)); })()"
     )
-    assert window.run("live.settings") == [["initial.closing_speed", "1"]]
+
+
+def press(window, key):
+    window.run(
+        "document.querySelector('.setting canvas').dispatchEvent("
+        f"new KeyboardEvent('keydown', {{ key: {key!r}, bubbles: true, cancelable: true }}))"
+    )
+
+
+@pytest.mark.long
+@needs_browser
+def test_map_over_two_quantities(window):
+    start_again(window)
+    drag(window, "initial.closing_speed", 250)
+    window.wait(f"{REFINED} && live.cells.length")
+    second = "document.querySelector('.second select')"
+    window.run(f"{second}.value = 'chaser.mass'; {second}.dispatchEvent(new Event('change'))")
+    window.wait("live.cells.length === 33 * 17 && live.cells.filter(Boolean).length >= 20")
+    cells = window.run("live.cells")  # four corners come first
+    assert all(cells[at] for at in (0, 32, 16 * 33, 17 * 33 - 1))
+    click(window, 0.99, 0.01)
+    speed = find_range(Bench(SMALL).entries["initial.closing_speed"])[1]
+    mass = find_range(Bench(SMALL).entries["chaser.mass"])[0]
+    expected = {"initial.closing_speed": speed, "chaser.mass": mass}
+    assert {k: float(v) for k, v in window.run("live.settings")} == pytest.approx(expected)
+    window.wait(REFINED)
+    corner = condense(Bench(SMALL).compute(dict(window.run("live.settings")), is_coarse=True))
+    assert cells[32]["outcome"] == corner["outcome"]
+    window.wait("live.cells.filter(Boolean).length > 25")  # goes on with the same cells
+    for key in ("ArrowUp", "ArrowUp", "ArrowLeft"):
+        press(window, key)
+    said = "document.querySelector('.setting output.words').textContent"
+    assert window.run(said).startswith("chaser.mass ")
+    assert ", closing_speed 0." in window.run(said)
+    press(window, "Enter")
+    first, then = window.run("[live.settings.length, live.cells.length]")
+    assert (first, then) == (2, 33 * 17)
+    chosen = dict(window.run("live.settings"))
+    assert float(chosen["initial.closing_speed"]) < speed
+    assert float(chosen["chaser.mass"]) > mass
+    window.run(f"{second}.value = ''; {second}.dispatchEvent(new Event('change'))")
+    window.wait(f"{REFINED} && live.cells.length && live.cells.length <= 33")
     assert window.find_bad() == []
 
 
@@ -677,3 +819,44 @@ def test_the_live_page_is_usable_at_390_px(online, server):
         sizes = "[...document.querySelectorAll('body *')].filter((e) => e.textContent.trim())"
         sizes += ".map((e) => parseFloat(getComputedStyle(e).fontSize))"
         assert small.run(f"Math.min(...{sizes})") >= 11
+
+
+@pytest.mark.long
+@needs_browser
+def test_a_picture_is_half_as_fine_while_a_slow_program_draws_and_the_docking_moves(window):
+    start_again(window)
+    size = "document.getElementById('space').width"
+    full = window.run(size)
+    window.run("window.real = performance.now; let t = 0; performance.now = () => (t += 1000)")
+    try:
+        for is_moving, width in ((False, full), (True, full // 2), (False, full)):
+            window.run(f"dockloop.load(dockloop.data, {str(is_moving).lower()})")
+            window.settle()
+            assert window.run(size) == width
+        window.run("performance.now = () => 0")
+        for is_moving in (False, True):
+            window.run(f"dockloop.load(dockloop.data, {str(is_moving).lower()})")
+            window.settle()
+            assert window.run(size) == full
+    finally:
+        window.run("performance.now = window.real; dockloop.load(dockloop.data)")
+
+
+@pytest.mark.long
+@needs_browser
+def test_a_request_that_was_overtaken_is_asked_again(window):
+    start_again(window)
+    window.run(
+        "window.real = fetch; let first = true; window.fetch = (...words) => {"
+        " if (!first) return window.real(...words); first = false;"
+        " return Promise.resolve({ status: 409, json: async () => ({ error: 'newer' }) }); }"
+    )
+    try:
+        drag(window, "initial.closing_speed", 300)
+        window.wait(REFINED)
+        shown = dict(window.run("live.settings"))
+        assert window.run("live.summary") == json.loads(
+            json.dumps(condense(Bench(SMALL).compute(shown)))
+        )
+    finally:
+        window.run("window.fetch = window.real")

@@ -2,13 +2,13 @@
 
 import re
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
 from dockloop.base.errors import DockloopError, UsageError
+from dockloop.result.accuracy import estimate_error
 from dockloop.result.recording import Result
-from dockloop.result.summary import summarise
 from dockloop.runs.docking import Scene, run
 from dockloop.scene.catalogue import Entry, list_entries
 from dockloop.scene.find import find_scene
@@ -122,6 +122,38 @@ class Bench:
             DroppedError: a newer request came, or `stop` was called.
             DockloopError: a step failed.
         """
+        with self._prepare(settings) as start:
+            return start(is_coarse=is_coarse)
+
+    def estimate(self, settings: Mapping[str, str]) -> dict[str, Any]:
+        """Run the docking and once more with tighter settings, unless a newer request comes.
+
+        Args:
+            settings: as for `compute`.
+
+        Returns:
+            ``sentence`` of the `estimate_error`, and ``tighter``: figures (`condense`) of the run
+            with tighter settings; None: it ends in another way, so that no figure has an error.
+
+        Raises:
+            RefusedError: a setting is bad, or the scene lacks outputs that are compared.
+            DroppedError: a newer request came, or `stop` was called.
+            DockloopError: a step failed.
+        """
+        with self._prepare(settings) as start:
+            seen: list[Result] = []
+
+            def repeat(other: Mapping[str, Any]) -> Result:
+                seen.append(start(other))
+                return seen[-1]
+
+            estimate = estimate_error(start(), repeat)
+            tighter = None if estimate["error"] is None else condense(seen[0])
+            return {"sentence": estimate["sentence"], "tighter": tighter}
+
+    @contextmanager
+    def _prepare(self, settings: Mapping[str, str]) -> Iterator[Callable[..., Result]]:
+        """Wait for the docking before; yields what runs this one, with other start values."""
         overrides, starts = self.split(settings)
         with self._turn() as check:
             try:
@@ -134,9 +166,14 @@ class Bench:
                         f"experiment.step is {step}: gives {span / step:.3g} points, a page has"
                         f" at most {_MOST_POINTS}: make experiment.stop smaller, or the step larger"
                     )
-                accuracy = COARSE if is_coarse else None
-                step = max(span / _POINTS, step) if is_coarse else None
-                return run(self._scene, None, starts, accuracy=accuracy, step=step, progress=check)
+                coarse = {"accuracy": COARSE, "step": max(span / _POINTS, step)}
+
+                def start(*other: Mapping[str, Any], is_coarse: bool = False) -> Result:
+                    values = starts | dict(*other)
+                    more = coarse if is_coarse else {}
+                    return run(self._scene, None, values, progress=check, **more)
+
+                yield start
             except UsageError as error:
                 named = (name for name in settings if name in str(error))
                 raise RefusedError(max(named, key=len, default=""), str(error)) from None
@@ -219,7 +256,7 @@ def find_range(entry: Entry) -> tuple[float, float, bool] | None:
 def condense(result: Result) -> dict[str, Any]:
     """Return what the page lays next to each other of two dockings, with the bits of the run."""
     kept = ("outcome", "phase", "time_of_contact", "time_of_capture", "peak_loads", "energy")
-    summary = summarise(result)
+    summary = result.summary
     return {name: summary[name] for name in (*kept, "legs", "limits") if name in summary}
 
 

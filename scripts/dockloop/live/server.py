@@ -112,6 +112,10 @@ class LiveServer(ThreadingMixIn, TCPServer):
         page = make_page(result, make_command(self.bench, settings))
         return page if coarse else page | {"defaults": self.bench.find_defaults(settings)}
 
+    def answer_errors(self, settings: dict[str, str]) -> dict[str, Any]:
+        """Return figures with tighter settings, from which the page has the errors of its own."""
+        return self.bench.estimate(settings)
+
     def answer_export(self, settings: dict[str, str]) -> dict[str, str]:
         """Return command, Python lines and scene file."""
         return make_exports(self.bench, settings)
@@ -147,8 +151,8 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_POST(self) -> None:
         """Answer a request of the page."""
-        answers = {"run": self.server.answer_run, "export": self.server.answer_export}
-        self._answer(answers | {"stop": self.server.answer_stop})
+        names = ("run", "errors", "export", "stop")
+        self._answer({name: getattr(self.server, f"answer_{name}") for name in names})
 
     def log_message(self, *_: Any) -> None:
         """Keep the terminal quiet: lines would have the token in them."""

@@ -64,7 +64,7 @@
     row.append(field, make('span', { className: 'unit', textContent: entry.unit }), why);
     row.dataset.name = name;
     place.append(row);
-    rows.set(name, { entry, row, field, hint, slider, why });
+    rows.set(name, { entry, row, field, hint, slider, why, short });
     showRow(name);
     return rows.get(name);
   }
@@ -154,7 +154,7 @@
 
   // ------------------------------------------------------------------ requests
 
-  let newest = 0, shown = '[]', isMoving = false, isStale = false, resting = 0, summary = dockloop.data.summary, pictures = [];
+  let newest = 0, shown = '[]', isMoving = false, isStale = false, isResting = true, resting = 0, summary = dockloop.data.summary, pictures = [];
   async function ask(what, request) {
     try {
       const answer = await fetch(what, {
@@ -170,7 +170,9 @@
     const mine = ++newest, asked = snapshot(), began = performance.now();
     $('stop').disabled = false;
     $('status').textContent = coarse ? 'computing ...' : 'refining ...';
-    const [status, answer] = await ask('run', { settings: Object.fromEntries(settings), coarse });
+    const request = { settings: Object.fromEntries(settings), coarse };
+    let [status, answer] = await ask('run', request);
+    if (status === 409 && mine === newest) [status, answer] = await ask('run', request); // one before has overtaken it
     if (mine !== newest) return false;
     $('stop').disabled = true;
     const isShown = status === 200;
@@ -179,7 +181,7 @@
       shown = asked;
       summary = answer.summary;
       if (answer.defaults) showDefaults(answer.defaults);
-      dockloop.load(answer);
+      dockloop.load(answer, coarse);
       showFigures();
       const took = performance.now() - began;
       pictures = [...pictures, took].slice(-1000);
@@ -193,8 +195,10 @@
   }
   async function move() {
     clearTimeout(resting);
-    strip.stop();
+    turn += 1;
+    isResting = false;
     isStale = true;
+    map.draw();
     if (isMoving) return;
     isMoving = true;
     let isShown = false;
@@ -206,11 +210,19 @@
     if (isShown) resting = setTimeout(refine, REST);
   }
   async function refine() {
-    if (await compute(false)) strip.fill();
+    isResting = await compute(false);
+    fill();
+  }
+  let turn = 0; // of what is computed while nothing else runs: another one ends it
+  async function fill() {
+    const mine = ++turn;
+    if (!isResting) return;
+    await findErrors(() => mine === turn);
+    if (mine === turn) await map.fill(() => mine === turn);
   }
   function stop() {
     clearTimeout(resting);
-    strip.stop();
+    turn += 1;
     isStale = false;
     newest += 1;
     $('stop').disabled = true;
@@ -220,7 +232,8 @@
 
   // ------------------------------------------------------------------ figures, the kept docking
 
-  let kept = null;
+  let kept = null; // the kept docking: its summary and settings
+  const errors = new Map(); // by settings: figures with tighter settings, or why there are none
   const say = (x) => (x === null || x === undefined ? '\u2013' : typeof x === 'number' ? String(Number(x.toPrecision(4))) : x);
   function listFigures(of) {
     const found = [['outcome', '', of.outcome], ['first contact', 's', of.time_of_contact], ['capture', 's', of.time_of_capture]];
@@ -229,6 +242,24 @@
     if (of.legs) found.push(['leg force', 'N', of.legs.largest_force]);
     return found.filter(([, , x]) => x !== undefined);
   }
+  /** Find the errors of the docking that is shown, and of the kept one. */
+  async function findErrors(isWanted) {
+    for (const key of kept ? [shown, kept.settings] : []) {
+      if (errors.has(key)) continue;
+      const [status, answer] = await ask('errors', { settings: Object.fromEntries(JSON.parse(key)) });
+      if (!isWanted() || ![200, 422].includes(status)) return;
+      if (errors.size > 100) errors.clear();
+      errors.set(key, answer);
+      showFigures();
+    }
+  }
+  /** What is known of the error of a figure: a number, null (none can be had), undefined (not yet). */
+  function errorOf(key, name, x) {
+    if (!errors.has(key)) return undefined;
+    const { tighter } = errors.get(key), exact = tighter && new Map(listFigures(tighter).map((row) => [row[0], row[2]])).get(name);
+    return typeof exact === 'number' && typeof x === 'number' ? Math.abs(x - exact) : null;
+  }
+  const sayError = (error) => (error === undefined ? '...' : error === null ? 'not known' : `\u00b1 ${Number(error.toPrecision(2))}`);
   function showFigures() {
     const { warnings } = dockloop.data;
     $('warnings').textContent = warnings.length ? `${warnings.length === 1 ? 'warning' : `${warnings.length} warnings`}: ${warnings.join(' ')}` : '';
@@ -238,86 +269,160 @@
     $('figures').tHead.replaceChildren(make('tr', {}, ...head.map((text) => make('th', { textContent: text }))));
     $('figures').tBodies[0].replaceChildren(...listFigures(summary).map(([name, unit, x, rated]) => {
       const other = before?.get(name), isNumber = typeof x === 'number' && typeof other === 'number';
-      const change = isNumber ? (other ? `${x >= other ? '+' : ''}${((x / other - 1) * 100).toFixed(1)} %` : say(x - other)) : x === other ? '' : 'differs';
-      const more = kept ? [say(other), change] : [rated ? say(rated) : '', rated ? `${((100 * x) / rated).toFixed(1)} %` : ''];
-      const row = make('tr', {}, make('th', { textContent: name, title: unit }), ...[`${say(x)} ${unit}`, ...more].map((text) => make('td', { textContent: text, title: text })));
+      const change = isNumber ? (other ? `${x > other ? '+' : ''}${Number(((x / other - 1) * 100).toPrecision(2))} %` : say(x - other)) : x === other ? '' : 'differs';
+      const cells = [[`${say(x)} ${unit}`], ...(kept ? [[say(other)], [change]] : [[rated ? say(rated) : ''], [rated ? `${((100 * x) / rated).toFixed(1)} %` : '']])];
+      if (isNumber) {
+        const [mine, its] = [[shown, x], [kept.settings, other]].map(([key, figure]) => errorOf(key, name, figure));
+        [mine, its].forEach((error, k) => cells[k].push(sayError(error)));
+        cells[2].push(Math.abs(x - other) <= mine + its ? 'within error' : '');
+      }
+      const row = make('tr', {}, make('th', { textContent: name, title: name }), ...cells.map(([text, error]) => {
+        const cell = make('td', { textContent: text, title: text });
+        if (error !== undefined) cell.append(make('small', { textContent: error }));
+        return cell;
+      }));
       row.classList.toggle('over', Boolean(rated && x > rated));
+      row.classList.toggle('same', row.textContent.endsWith('within error'));
       return row;
     }));
+    const said = kept ? [shown, kept.settings].map((key) => errors.get(key)) : [];
+    $('figures').title = said.map((one, k) => one && `error of the ${k ? 'kept' : 'present'} one: ${one.sentence || one.error}`).filter(Boolean).join('\n');
   }
   function keep(data) {
-    kept = data;
+    kept = data && { summary, settings: shown };
     dockloop.keep(data);
     $('forget').disabled = !data;
     showFigures();
+    fill();
   }
 
-  // ------------------------------------------------------------------ where it holds
+  // ------------------------------------------------------------------ where it holds: over one quantity, or two
 
-  const strip = (() => {
-    const COUNT = 33, sheet = make('canvas'), words = make('small', { className: 'words' });
-    sheet.setAttribute('role', 'img');
-    let name = '', key = '', cells = [], turn = 0;
-    const order = [];
-    for (let step = 32; step >= 1; step /= 2) for (let k = 0; k < COUNT; k += step) if (!order.includes(k)) order.push(k);
-    const at = (k) => fromSlider(byName.get(name).range, (k * STEPS) / (COUNT - 1));
+  const map = (() => {
+    const COUNT = 33, ROWS = 17; // values across; upwards, if there is a second quantity
+    const sheet = make('canvas', { tabIndex: 0 }), words = make('small', { className: 'words' }), where = make('output', { className: 'words' });
+    const second = make('select'), choice = make('label', { className: 'second' }, 'and over ', second);
+    sheet.setAttribute('role', 'application');
+    let name = '', other = '', key = '', cells = [], cursor = null;
+    const rowCount = () => (other ? ROWS : 1), wrap = (k, count) => Math.min(count - 1, Math.max(0, k));
+    const at = (k, of = name, count = COUNT) => fromSlider(byName.get(of).range, (k * STEPS) / (count - 1));
+    const settingsAt = ([k, j]) => ({ ...(other && { [other]: at(j, other, ROWS) }), [name]: at(k) });
+    const restOf = () => [...settings].filter(([each]) => each !== name && each !== other);
+    const keyNow = () => JSON.stringify([name, other, restOf()]);
     const part = (of) => Math.max(0, ...Object.values(of.peak_loads || {}).map((load) => load.ratio ?? 0));
+    /** Places from coarse to fine, each with the width of its block. */
+    function* list() {
+      const seen = new Set();
+      for (let step = COUNT - 1; step >= 1; step /= 2) {
+        for (let j = 0; j < rowCount(); j += Math.min(step, ROWS - 1)) for (let k = 0; k < COUNT; k += step) {
+          if (!seen.has(j * COUNT + k)) yield [k, j, step];
+          seen.add(j * COUNT + k);
+        }
+      }
+    }
+    const cellAt = ([k, j]) => (k >= 0 && j >= 0 && k < COUNT ? cells[j * COUNT + k] : undefined);
+    const sayCell = (place) => {
+      const cell = cellAt(place), values = Object.entries(settingsAt(place)).map(([each, x]) => `${rows.get(each).short} ${x} ${byName.get(each).unit}`).join(', ');
+      return `${values}: ${!cell ? '...' : cell.error || `${cell.outcome}${cell.part ? `, ${(100 * cell.part).toFixed(0)} % of rated` : ''}`}`;
+    };
     function draw() {
-      const { clientWidth: w, clientHeight: h } = sheet, ratio = Math.min(devicePixelRatio || 1, 2), colors = dockloop.data.meta.colors;
+      if (!name) return;
+      const { clientWidth: w, clientHeight: h } = sheet, ratio = Math.min(devicePixelRatio || 1, 2), { colors, outcomes } = dockloop.data.meta;
+      const count = rowCount(), wide = w / COUNT, high = other ? h / count : 8, colorOf = (outcome) => colors.outcome[outcomes.indexOf(outcome)];
       sheet.width = w * ratio;
       sheet.height = h * ratio;
+      sheet.classList.toggle('old', key !== keyNow());
       const pen = sheet.getContext('2d');
       pen.scale(ratio, ratio);
       pen.fillStyle = '#f3f6f9';
       pen.fillRect(0, 0, w, h);
-      cells.forEach((cell, k) => {
-        const from = (k * w) / COUNT, wide = w / COUNT;
-        if (cell.error) {
-          pen.fillStyle = colors.faint;
-          for (let y = 0; y < h; y += 4) pen.fillRect(from, y, wide, 1);
-          return;
-        }
-        pen.fillStyle = colors.outcome[dockloop.data.meta.outcomes.indexOf(cell.outcome)];
-        pen.fillRect(from, h - 8, wide + 0.5, 8);
-        pen.fillStyle = colors.ink;
-        pen.fillRect(from, (h - 9) * (1 - Math.min(1, part(cell))), wide - 1, 2);
-        if (cells[k - 1] && cells[k - 1].outcome !== cell.outcome) pen.fillRect(from - 1, 0, 2, h);
+      for (const [k, j, step] of list()) { // a coarse one stands for those near it that are not there yet
+        const cell = cellAt([k, j]), half = other ? step / 2 : 0.5;
+        if (!cell) continue;
+        const [left, right, top, bottom] = [(k + 0.5 - half) * wide, (k + 0.5 + half) * wide, h - (j + 0.5 + half) * high, h - (j + 0.5 - half) * high].map(Math.round);
+        const box = [left, top, right - left, bottom - top];
+        pen.fillStyle = cell.error ? '#f3f6f9' : colorOf(cell.outcome);
+        if (other) pen.clearRect(...box);
+        pen.globalAlpha = other && !cell.error ? 0.35 + 0.65 * Math.min(1, cell.part) : 1;
+        pen.fillRect(...box);
+        pen.globalAlpha = 1;
+        pen.fillStyle = cell.error ? colors.faint : colors.ink;
+        if (cell.error) for (let y = other ? top : 0; y < (other ? bottom : h); y += 4) pen.fillRect(left, y, right - left, 1);
+        else if (!other) pen.fillRect(left, (h - 9) * (1 - Math.min(1, cell.part)), wide - 1, 2);
+      }
+      pen.fillStyle = colors.ink; // the boundary of an outcome and of rated loads, where both neighbours are known
+      cells.forEach((cell, i) => {
+        const k = i % COUNT, j = Math.floor(i / COUNT), differs = (near) => near && (near.outcome !== cell.outcome || (near.part > 1) !== (cell.part > 1));
+        if (differs(cellAt([k - 1, j]))) pen.fillRect(k * wide - 1, other ? h - (j + 1) * high : 0, 2, other ? high : h);
+        if (differs(cellAt([k, j - 1]))) pen.fillRect(k * wide, h - j * high - 1, wide, 2);
       });
-      const outcomes = [...new Set(cells.map((cell) => cell.outcome).filter(Boolean))];
-      words.replaceChildren(...outcomes.map((outcome) => {
-        const mark = make('i');
-        mark.style.background = colors.outcome[dockloop.data.meta.outcomes.indexOf(outcome)];
-        return make('span', {}, mark, outcome);
-      }), 'line: largest load, top = rated');
-      sheet.title = `outcome (colour) and largest load over its rated one (line, full height: 100 %) over ${name}; click: that docking`;
-      sheet.setAttribute('aria-label', `${sheet.title}: ${cells.map((c, k) => `${at(k)} ${c.outcome || 'refused'}`).join(', ')}`);
-    }
-    sheet.addEventListener('click', (event) => {
-      const k = Math.floor((event.offsetX / sheet.clientWidth) * COUNT);
-      change(name, at(Math.min(COUNT - 1, Math.max(0, k))));
-      commit();
-    });
-    return {
-      /** Fill the strip of the last slider, one docking after the other, until `stop`. */
-      async fill() {
-        if (!rows.get(touched)?.slider) return;
-        const mine = ++turn;
-        const others = Object.fromEntries([...settings].filter(([other]) => other !== touched));
-        const now = JSON.stringify([touched, others]);
-        if (now !== key) {
-          [name, key, cells] = [touched, now, []];
-          rows.get(name).row.append(sheet, words);
-          draw();
+      const place = (of, count) => (toSlider(byName.get(of).range, Number(textOf(of))) / STEPS) * (count - 1) + 0.5;
+      if (other) { // the docking that is shown
+        pen.lineWidth = 2;
+        for (const [color, radius] of [['#fff', 6], [colors.ink, 4.5]]) {
+          pen.strokeStyle = color;
+          pen.beginPath();
+          pen.arc(place(name, COUNT) * wide, h - place(other, ROWS) * high, radius, 0, 7);
+          pen.stroke();
         }
-        for (const k of order) {
-          if (cells[k]) continue;
-          const [status, answer] = await ask('run', { settings: { ...others, [name]: at(k) }, coarse: true, brief: true });
-          if (mine !== turn || ![200, 422].includes(status)) return;
-          cells[k] = status === 200 ? answer.summary : { error: answer.error };
+      }
+      if (cursor) {
+        pen.strokeStyle = colors.ink;
+        pen.lineWidth = 2;
+        pen.strokeRect(cursor[0] * wide + 1, other ? h - (cursor[1] + 1) * high + 1 : 1, wide - 2, (other ? high : h) - 2);
+      }
+      const found = [...new Set(cells.map((cell) => cell.outcome).filter(Boolean))];
+      words.replaceChildren(...found.map((outcome) => {
+        const mark = make('i');
+        mark.style.background = colorOf(outcome);
+        return make('span', {}, mark, outcome);
+      }), make('span', {}, other ? 'full colour: rated load' : 'line: largest load, top = rated'));
+      where.textContent = cursor ? sayCell(cursor) : other ? `across ${rows.get(name).short}, up ${rows.get(other).short}` : '';
+      const text = `outcome (colour) and largest load over its rated one over ${name}${other && ` and ${other}`}; click, or arrows and enter: that docking`;
+      sheet.title = text;
+      sheet.setAttribute('aria-label', other ? text : `${text}: ${cells.map((c, k) => `${at(k)} ${c.outcome || 'refused'}`).join(', ')}`);
+    }
+    function point(place) {
+      cursor = place;
+      draw();
+    }
+    const placeOf = (event) => [wrap(Math.floor((event.offsetX / sheet.clientWidth) * COUNT), COUNT), wrap(Math.floor((1 - event.offsetY / sheet.clientHeight) * rowCount()), rowCount())];
+    function go(place) {
+      for (const [each, text] of Object.entries(settingsAt(place))) change(each, text); // the one across last
+      commit();
+    }
+    sheet.addEventListener('click', (event) => go(placeOf(event)));
+    sheet.addEventListener('pointermove', (event) => point(placeOf(event)));
+    for (const leave of ['pointerleave', 'blur']) sheet.addEventListener(leave, () => point(null));
+    sheet.addEventListener('keydown', (event) => {
+      const way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key], [k, j] = cursor || [(COUNT - 1) / 2, (rowCount() - 1) / 2];
+      if (way) point(cursor ? [wrap(k + way[0], COUNT), wrap(j + way[1], rowCount())] : [k, j]);
+      else if (cursor && [' ', 'Enter'].includes(event.key)) go(cursor);
+      else return;
+      event.preventDefault();
+    });
+    second.addEventListener('change', () => { other = second.value; fill(); });
+    return {
+      draw,
+      /** Fill the strip of the last slider, or the map, one docking after the other, while it is wanted. */
+      async fill(isWanted) {
+        if (!other && rows.get(touched)?.slider && name !== touched) { // the axes of a map stay
+          name = touched;
+          rows.get(name).row.append(sheet, where, words, choice);
+          second.replaceChildren(new Option('nothing else', ''), ...[...rows].filter(([each, { slider }]) => slider && each !== name).map(([each, { short }]) => new Option(short, each)));
+        }
+        if (!name) return;
+        if (key !== keyNow()) [key, cells, cursor] = [keyNow(), [], null];
+        sheet.classList.toggle('map', Boolean(other));
+        draw();
+        for (const [k, j] of list()) {
+          if (cellAt([k, j])) continue;
+          const [status, answer] = await ask('run', { settings: { ...Object.fromEntries(restOf()), ...settingsAt([k, j]) }, coarse: true, brief: true });
+          if (!isWanted() || ![200, 422].includes(status)) return;
+          cells[j * COUNT + k] = status === 200 ? { outcome: answer.summary.outcome, part: part(answer.summary) } : { error: answer.error };
           draw();
         }
       },
-      stop() { turn += 1; },
       get cells() { return cells; },
     };
   })();
@@ -385,5 +490,5 @@
   showFigures();
   $('status').textContent = 'as dockloop run';
   if (location.hash) readLink(); else settle(present);
-  window.live = { change, commit, get pictures() { return pictures; }, get settings() { return [...settings]; }, get summary() { return summary; }, get cells() { return strip.cells; } };
+  window.live = { change, commit, get pictures() { return pictures; }, get settings() { return [...settings]; }, get summary() { return summary; }, get cells() { return map.cells; } };
 })();
