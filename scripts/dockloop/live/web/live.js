@@ -235,6 +235,7 @@
   let kept = null; // the kept docking: its summary and settings
   const errors = new Map(); // by settings: figures with tighter settings, or why there are none
   const say = (x) => (x === null || x === undefined ? '\u2013' : typeof x === 'number' ? String(Number(x.toPrecision(4))) : x);
+  const say2 = (x) => (x && Math.abs(x) < 1e-2 ? x.toExponential(1) : String(Number(x.toPrecision(2)))); // two digits
   function listFigures(of) {
     const found = [['outcome', '', of.outcome], ['first contact', 's', of.time_of_contact], ['capture', 's', of.time_of_capture]];
     for (const [name, load] of Object.entries(of.peak_loads || {})) found.push([name, load.unit, load.value, load.rated]);
@@ -259,7 +260,7 @@
     const { tighter } = errors.get(key), exact = tighter && new Map(listFigures(tighter).map((row) => [row[0], row[2]])).get(name);
     return typeof exact === 'number' && typeof x === 'number' ? Math.abs(x - exact) : null;
   }
-  const sayError = (error) => (error === undefined ? '...' : error === null ? 'not known' : `\u00b1 ${Number(error.toPrecision(2))}`);
+  const sayError = (error) => (error === undefined ? '...' : error === null ? 'not known' : `\u00b1 ${say2(error)}`);
   function showFigures() {
     const { warnings } = dockloop.data;
     $('warnings').textContent = warnings.length ? `${warnings.length === 1 ? 'warning' : `${warnings.length} warnings`}: ${warnings.join(' ')}` : '';
@@ -269,7 +270,7 @@
     $('figures').tHead.replaceChildren(make('tr', {}, ...head.map((text) => make('th', { textContent: text }))));
     $('figures').tBodies[0].replaceChildren(...listFigures(summary).map(([name, unit, x, rated]) => {
       const other = before?.get(name), isNumber = typeof x === 'number' && typeof other === 'number';
-      const change = isNumber ? (other ? `${x > other ? '+' : ''}${Number(((x / other - 1) * 100).toPrecision(2))} %` : say(x - other)) : x === other ? '' : 'differs';
+      const change = isNumber ? (other ? `${x > other ? '+' : ''}${say2((x / other - 1) * 100)} %` : say(x - other)) : x === other ? '' : 'differs';
       const cells = [[`${say(x)} ${unit}`], ...(kept ? [[say(other)], [change]] : [[rated ? say(rated) : ''], [rated ? `${((100 * x) / rated).toFixed(1)} %` : '']])];
       if (isNumber) {
         const [mine, its] = [[shown, x], [kept.settings, other]].map(([key, figure]) => errorOf(key, name, figure));
