@@ -8,6 +8,7 @@ namespace dockloop {
 namespace {
 
 constexpr size_t kMaxGaps = 1000, kMaxOffsets = 100;
+constexpr double kLeastRise = 1e-9;  ///< of gaps and offsets: slopes by less overflow [m]
 
 VehicleForce::Kind read_kind(const JsonReader& item) {
   const std::string type = item.text();
@@ -24,9 +25,9 @@ std::vector<double> read_list(const JsonReader& list, size_t most, bool rises) {
   for (const JsonReader& item : list.items(most)) {
     values.push_back(item.number());
     const size_t n = values.size();
-    if (rises && n > 1 && !(values[n - 1] > values[n - 2])) {
+    if (rises && n > 1 && !(values[n - 1] >= values[n - 2] + kLeastRise)) {
       item.fail("is " + item.shown() + "; it must be above the number before, " +
-                describe_number(values[n - 2]));
+                describe_number(values[n - 2]) + ", by at least 1e-9 m");
     }
   }
   return values;

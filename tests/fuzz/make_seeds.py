@@ -1,9 +1,9 @@
 """Write the documents that the fuzzing of scenes starts from.
 
-These are the shipped scenes, resolved, a scene of parts, modes and prescribed inputs, a measured
-law, the mechanisms of the stored references, and one random mechanism of every kind of loop and
-coupling: what the fuzzer then varies. `scripts/fuzz` runs this, with `tests` among the folders that
-Python imports from.
+These are the shipped scenes, resolved, a scene of parts, modes, forces and prescribed inputs, a
+measured law, the mechanisms of the stored references, and one random mechanism of every kind of
+loop and coupling: what the fuzzer then varies. `scripts/fuzz` runs this, with `tests` among the
+folders that Python imports from.
 """
 
 import json
@@ -46,6 +46,27 @@ position = [40, 0, 0]
 modes = {frequency = [2.0], participation = [[30, 0, 0, 0, 0, 0]]}
 [[input]]
 file = "jets.csv"
+[[force]]
+type = "spring"
+stiffness = 3.0
+damping = 1.0
+free_length = 39.0
+target_point = [0, 0.5, 0]
+[[force]]
+type = "tether"
+stiffness = 50.0
+free_length = 39.9
+toe = 0.01
+[[force]]
+type = "dipoles"
+chaser_moment = [1e5, 2e4, 0]
+target_moment = [1e5, 0, 3e4]
+size = 0.1
+[[force]]
+type = "table"
+gap = [1, 30, 50]
+offset = [0, 1, 2]
+force = [[-30, -4, 0], [-20, -3, 0], [-2, -1, 0]]
 """
 JETS = "time [s],chaser.force_ext[1] [N]\n0.02,0\n0.035,30\n0.035,12\n0.1,-25\n0.3,0\n"
 MEASURED = {
@@ -76,7 +97,7 @@ def find_random_mechanism(kind: str) -> dict | None:
 
 
 def make_vehicles(folder: Path) -> dict:
-    """A resolved scene with parts, an adapter, modes and a table of inputs; writes its files."""
+    """A resolved scene with parts, an adapter, modes, forces and inputs; writes its files."""
     (folder / "jets.csv").write_text(JETS)
     (folder / "vehicles.toml").write_text(VEHICLES)
     return resolve_scene(folder / "vehicles.toml")
