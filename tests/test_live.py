@@ -617,6 +617,15 @@ def test_a_kept_docking_is_compared_with_the_error_of_each_figure(window):
     assert "error of the kept one: about" in window.run("document.getElementById('figures').title")
     click_button(window, "forget")
     assert "kept" not in window.read("figures")
+    start_again(window)
+    groups = '["relative", "capture", "phase"]'
+    window.run(f"live.change('outputs.groups', '{groups}'); live.commit()")
+    window.wait(f"{REFINED} && live.settings.length === 1")
+    click_button(window, "keep")
+    window.wait("document.getElementById('figures').textContent.includes('not known')")
+    assert "needs the outputs 'solver'" in window.run("document.getElementById('figures').title")
+    click_button(window, "forget")
+    start_again(window)
     assert window.find_bad() == []
 
 
