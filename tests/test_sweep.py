@@ -34,6 +34,7 @@ from pyarrow import parquet
 from dockloop.base.errors import DockloopError
 from dockloop.base.progress import ProgressBar
 from dockloop.result.peaks import list_with_places
+from dockloop.scene.resolve import is_scene_key
 from dockloop.scene.values import as_setting
 from dockloop.sweeps import campaign, executors
 from dockloop.sweeps.cases import run_case
@@ -202,7 +203,7 @@ def test_a_case_has_the_bits_of_an_fmu_of_its_own(tmp_path, runs, engine, name):
     planner = Planner(read_sweep(str(write(tmp_path, text))))
     result = run_case(planner.make_job(engine), *planner.resolve((value,)))
     reported = (as_setting(name, value),)
-    is_key = planner.is_scene_key(name)
+    is_key = is_scene_key(name)
     alone = runs.run(
         CAPTURED,
         *(reported if is_key else ()),
