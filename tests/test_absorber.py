@@ -203,3 +203,13 @@ def test_an_absorber_is_released_once(rtol, step):
         "absorber_1d", {}, {"solver.method": "bdf", **list_tolerances(rtol)}, stop=5.0, step=step
     )
     assert made["solver.rhs_evaluations"][-1] < 20000
+
+
+def test_a_release_does_not_stall():
+    """Once steps to the release of these dockings began again and again, until one was refused."""
+    for speed in (0.2347, 0.23476, 0.2348):
+        changed = {"initial.closing_speed": speed, "chaser.mass": 1476.0}
+        run = dl.run("absorber_1d", changed, stop=1.0)
+        released = run["capture.compression"] == 0.0
+        assert run.time[released][0] == pytest.approx(0.51)
+        assert run["solver.rhs_evaluations"][-1] < 1000

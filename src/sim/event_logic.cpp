@@ -36,7 +36,8 @@ void EventLogic::calc_functions(DockingData<double>& at, double* roots) const {
   roots[pusher_root() + 1] = travel.to_let_go;
 }
 
-/// Contact and release.
+/// Contact and release. A released absorber is not released again, and one in contact meets no
+/// contact: steps to such an event could end a little before it, again and again.
 void EventLogic::calc_absorber_functions(const ContactResult<double>& contact,
                                          double* roots) const {
   const Acting acting = memory_.absorber;
@@ -45,8 +46,8 @@ void EventLogic::calc_absorber_functions(const ContactResult<double>& contact,
     roots[1] = -contact.gap;
     return;
   }
-  roots[0] = is_guarded_ && acting == Acting::kYes ? 1.0 : -contact.pressed;
-  roots[1] = is_guarded_ && acting == Acting::kNo ? 1.0 : contact.pressed;
+  roots[0] = acting == Acting::kYes ? 1.0 : -contact.pressed;
+  roots[1] = acting == Acting::kNo ? 1.0 : contact.pressed;
 }
 
 bool EventLogic::is_disarmed(int latch) const {

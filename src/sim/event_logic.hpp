@@ -53,10 +53,6 @@ class EventLogic {
   /// begins to change within millimetres: nothing is decided there, but no step passes over it.
   /// @param at  its workspace of the contact search is used
   void calc_functions(DockingData<double>& at, double* roots) const;
-  /// A released absorber is not released again, and one in contact meets no contact. A multistep
-  /// method needs this: its steps to an event start again and end a little before it, again and
-  /// again. With one-step methods the absorber soon is on the other side by itself.
-  void guard_absorber() { is_guarded_ = true; }
   /// Largest rates of event functions that may be below zero between two states.
   void calc_speeds(const DockingData<double>& at, double* speeds) const;
 
@@ -147,7 +143,6 @@ class EventLogic {
   DiscreteState& discrete_;
   ContactMemory& memory_;
   SequenceLogic sequence_;
-  bool is_guarded_ = false;  ///< see guard_absorber()
   std::array<char, kMaxRoots> due_{};
   std::array<char, kMaxLatches> passed_{};                 ///< due, if not at this state
   std::array<LatchMotion, kMaxLatches> latches_before_{};  ///< at the start of a fixed step

@@ -129,7 +129,6 @@ RunMethod DockingSim::Impl::choose_method() const {
 
 void DockingSim::Impl::make_loop() {
   const RunMethod method = choose_method();
-  if (method.facts->method == kBdf) events->guard_absorber();
   balances = std::make_unique<BalanceWatch>(
       *this, chosen.atol_energy, setup->t_start,
       !method.is_co_simulation ? "the tolerance of the host's solver"
