@@ -142,8 +142,28 @@ def test_bad_fits_are_one_sentence(dockloop, tmp_path, changes, words):
     assert_refused(refused, "bad.json", *words)
 
 
+@pytest.mark.parametrize(
+    "changes",
+    [{"units": []}, {"names": [3]}, {"units": [3]}, {"uniform": ["foo"]}, {"covariance": 1}],
+)
+def test_bad_numbers_of_an_entry_are_one_sentence(tmp_path, changes):
+    write_fit(tmp_path / "fit.json")
+    members = {"scene": "absorber_1d", "cases": 2, "vary": [{"type": "fit", "file": "fit.json"}]}
+    made = tomllib.loads(make_sweep(members, tmp_path / "sweep.toml").text)
+    made["vary"][0]["numbers"].update(changes)
+    with pytest.raises(dl.UsageError, match=next(iter(changes))):
+        make_sweep(made, tmp_path / "sweep.toml")
+
+
+def test_a_sweep_says_how_often_a_fit_is_drawn(dockloop, tmp_path):
+    write_fit(tmp_path / "fit.json")
+    (tmp_path / "s.toml").write_text('scene = "absorber_1d"\n')
+    refused = dockloop("sweep", tmp_path / "s.toml", "--from", tmp_path / "fit.json")
+    assert_refused(refused, "s.toml", "cases", "drawn")
+
+
 def test_files_that_are_no_fit_and_names_that_meet_are_one_sentence(dockloop, tmp_path):
-    (tmp_path / "s.toml").write_text(f'scene = "absorber_1d"\n[set]\n"{K}" = 2e4\n')
+    (tmp_path / "s.toml").write_text(f'scene = "absorber_1d"\ncases = 4\n[set]\n"{K}" = 2e4\n')
     write_fit(tmp_path / "fit.json")
     for file, words in (("none.json", ["none.json"]), ("s.toml", ["s.toml", "JSON"])):
         refused = dockloop("sweep", tmp_path / "s.toml", "--from", tmp_path / file)
@@ -214,6 +234,7 @@ def test_a_fit_bands_the_boundary_of_an_envelope(dockloop, tmp_path):
     ("more", "words"),
     [
         (("--draws", "1"), ["--draws", "2"]),
+        (("--seed", "-1"), ["--seed", "0"]),
         (("--set", f"{K}=2e4"), [K, "--from", "decide already"]),
         (("--from", "none.json"), ["none.json"]),
     ],

@@ -172,6 +172,25 @@ def test_numbers_of_a_pattern_are_keys_of_the_scene(tmp_path, dockloop):
     assert key.replace("legs.1", "legs.leg#") in listed
 
 
+def test_lists_that_only_a_pattern_fills_need_not_be_there():
+    shipped = read("probe_drogue")
+    made = copy.deepcopy(shipped)
+    del made["latches"]["list"]
+    made["patterns"] = [{"count": 4, "latches": [PAWL]}]
+    assert dl.check(made) == dl.check(shipped)
+    head = made["contact"].pop("active")
+    made["patterns"].append({"count": 1, "active": head})
+    assert dl.check(made) == dl.check(shipped)
+    assert "list" not in made["latches"]
+
+
+def test_the_place_of_a_profile_may_have_radius_and_azimuth():
+    at = {"x": 0.1, "radius": 0.2, "azimuth_deg": 90.0}
+    pin = {"name": "pin", "kind": "revolution", "axis": {"position": at}}
+    made = expand({"contact": {"type": "surfaces", "active": [pin], "passive": []}})
+    assert made["contact"]["active"][0]["axis"]["position"] == [0.1, 0.0, 0.2]
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [

@@ -88,6 +88,8 @@ def test_the_boundary_is_looked_for_in_the_worst_direction(dockloop, tmp_path):
     assert worst["value"] == max(ratios, key=ratios.get)
     assert [row[2] for row in worst["directions"]] == pytest.approx(list(ratios.values()))
     assert found["envelope"]["set"][key] == worst["value"]
+    page = (tmp_path / "review.html").read_text()
+    assert "--tolerance 0.25 --directions 3" in page
     assert not (tmp_path / "review.pdf").exists()
 
 
@@ -108,6 +110,7 @@ def test_a_scene_that_states_its_vehicles_has_no_boundary(dockloop, tmp_path):
         (["--directions", "0"], ["--directions", "1"]),
         (["--cases", "1"], ["--cases", "2"]),
         (["--from", "none.json"], ["none.json"]),
+        (["--tolerance", "0.3"], ["--tolerance", "0.25"]),
         ([*AXES[:3], "x", *AXES[4:]], ["--x", "two numbers"]),
     ],
 )

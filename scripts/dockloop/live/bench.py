@@ -29,7 +29,7 @@ SLIDERS = {
     "latches": r"mechanism\.set\.latches\.(range|catch|play|window|push_force|stiffness)",
 }
 _HALF_TURN = 180.0  # deg
-_NAME = r"[A-Za-z0-9_.\[\]*-]+"  # of a setting: what a value begins with must not be in it
+_NAME = r"[A-Za-z0-9_.\[\]*#-]+"  # of a setting: what a value begins with must not be in it
 
 
 class DroppedError(DockloopError):
@@ -85,7 +85,7 @@ class Bench:
         for name, text in settings.items():
             if not re.fullmatch(_NAME, name):
                 raise RefusedError(
-                    name, f"{name!r} is no name: must be of letters, digits and _ . [ ] * -"
+                    name, f"{name!r} is no name: must be of letters, digits and _ . [ ] * # -"
                 )
             if "/" in text or "\\" in text:
                 raise RefusedError(

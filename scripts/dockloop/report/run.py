@@ -96,8 +96,9 @@ def _list_facts(summary: dict) -> Iterator[tuple[str, str]]:
         begun = f"{say_number(energy['initial_relative'])} J {energy['initial_meaning']}"
         absorbed = f"{say_number(energy['dissipated'])} J absorbed" + (f" ({parts})" * bool(parts))
         yield "energy", f"{begun}, {absorbed}"
-        part = f"{energy['residual_ratio']:.1e} of the initial relative energy"
-        yield "audit", f"energy residual {energy['residual']:.1e} J ({part})"
+        ratio = energy["residual_ratio"]
+        part = "" if ratio is None else f" ({ratio:.1e} of the initial relative energy)"
+        yield "audit", f"energy residual {energy['residual']:.1e} J{part}"
     if "momentum_residual" in summary:
         yield "", f"momentum residual {summary['momentum_residual']:.1e} (relative)"
     clock = summary["time"]

@@ -36,7 +36,7 @@ SUFFIXES = {  # of results: the package that each needs
 _COLUMN = re.compile(  # outputs of FMUs by dockloop
     r"(chaser|target|relative|capture|contact|ring|base|energy|momentum|solver|coupling|state|limits"
     r"|sequence|hooks|faces|pushers|joint|stack"
-    r"|(leg|latch|loop|element|hook|part)\[\d+\])(\.\w+(\[\d+\])?)+"
+    r"|(leg|latch|loop|element|hook|part|force)\[\d+\])(\.\w+(\[\d+\])?)+"
     r"|latched\[\d+\]|gap|phase|outcome|captured|time_(to|of)_\w+"
 )
 
@@ -276,7 +276,7 @@ def _energy(run: Result) -> dict:
         if "target" in run.scene
         else "in the mechanism at the start",
         "residual": residual,
-        "residual_ratio": residual / scale if scale > 0.0 else 0.0,
+        "residual_ratio": residual / scale if scale > 0.0 else None,
     }
     for column in run.names:
         name = column.removeprefix("energy.")

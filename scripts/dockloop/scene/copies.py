@@ -8,15 +8,15 @@ stay.
 import json
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import reduce
 from operator import getitem
 from pathlib import Path
 from typing import Any
 
 from dockloop.base.errors import UsageError
-from dockloop.base.files import Kind, write_text
-from dockloop.base.paths import read_text, shown
+from dockloop.base.files import Kind, write_text, writing
+from dockloop.base.paths import is_file, next_to, read_text, shown
 from dockloop.scene.find import find_mechanism, find_scene, read_mechanism, read_toml
 from dockloop.scene.resolve import PATHS, resolve_scene
 from dockloop.scene.values import to_text
@@ -52,13 +52,35 @@ def copy_scene(reference: str, name: str, folder: Path) -> list[Path]:
             folder / f"{name}.toml": set_key(text, "mechanism", "name", name),
             folder / f"{name}.json": _rename(mechanism, name),
         }
-    for file in texts:
+    tables = dict(_list_tables(scene, source, folder))
+    for file in (*texts, *tables):
         if file.exists():
             raise UsageError(f"{shown(file)}: is there already; take another name or -o FOLDER")
+    kind = Kind("file", "dockloop new", lambda _: False)
     for file, content in texts.items():
-        write_text(file, Kind("file", "dockloop new", lambda _: False), content)
+        write_text(file, kind, content)
+    for file, table in tables.items():
+        with writing(file, kind) as partial:
+            partial.write_bytes(table.read_bytes())
     resolve_scene(next(iter(texts)))
-    return list(texts)
+    return [*texts, *tables]
+
+
+def _list_tables(scene: dict, source: Path, folder: Path) -> Iterator[tuple[Path, Path]]:
+    """Yield the copy of each table that a scene or its mechanism names, and the table."""
+    laws, place = [], source
+    if "mechanism" in scene:
+        place = find_mechanism(scene["mechanism"]["name"], source)
+        mechanism = read_mechanism(place)
+        groups = [mechanism, *mechanism.get("patterns", [])]
+        forces = [force for group in groups for force in group.get("forces", [])]
+        laws = [law for force in forces for law in force.get("laws", [])]
+    owners = ((source, [*scene.get("input", []), *scene.get("force", [])]), (place, laws))
+    for owner, entries in owners:
+        for name in (entry["file"] for entry in entries if "file" in entry):
+            table, copy = next_to(owner, name), folder / name
+            if is_file(table) and copy.resolve() != table.resolve():
+                yield copy, table
 
 
 def write_copy(

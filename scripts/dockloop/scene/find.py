@@ -19,6 +19,7 @@ from dockloop.base.paths import (
     read_text,
     shown,
 )
+from dockloop.scene.patterns import open_lists
 
 
 def find_shipped(reference: str, kind: str, folder: Path) -> Path:
@@ -83,6 +84,7 @@ def read_mechanism(path: Path) -> dict:
         raise UsageError(f"{shown(path)}: is no mechanism, but {type(document).__name__}")
     if isinstance(document.get("latches"), list):  # short for a list of single latches
         document["latches"] = {"list": document["latches"]}
+    open_lists(document)
     return document
 
 

@@ -17,7 +17,7 @@ from dockloop.base.paths import MECHANISMS, check_file, is_file, name_kind, show
 from dockloop.base.sections import Section
 from dockloop.native import core
 from dockloop.scene.find import get_mechanism, read_json, read_mechanism
-from dockloop.scene.patterns import expand_patterns
+from dockloop.scene.patterns import expand_patterns, open_lists
 from dockloop.scene.tables import put_law_tables
 
 
@@ -82,6 +82,8 @@ def _read(mechanism: str | Path | dict) -> tuple[Path, dict]:
     if isinstance(mechanism, dict):
         path = Path(str(mechanism.get("name", "mechanism")))
         document = copy.deepcopy(get_mechanism(mechanism))
+        if isinstance(document, dict):
+            open_lists(document)
     elif Path(mechanism).suffix == ".toml":
         raise UsageError(
             f"{shown(mechanism)}: is a scene: must be a mechanism ('dockloop check' lists the parts"

@@ -81,6 +81,17 @@ def _find_turn(degrees: float) -> tuple[float, float]:
     return ((c, s), (-s, c), (-c, -s), (s, -c))[quarter % 4]
 
 
+def open_lists(mechanism: dict) -> None:
+    """Add the lists that only patterns fill, before a schema asks for them."""
+    patterns = mechanism.get("patterns")
+    for pattern in patterns if isinstance(patterns, list) else ():
+        for part in (name for name in _LISTS if isinstance(pattern, dict) and name in pattern):
+            *groups, last = _LISTS[part]
+            node = mechanism.get(groups[0]) if groups else None
+            if isinstance(node, dict) and _GROUPS[groups[0]][0](node):
+                node.setdefault(last, [])
+
+
 def expand_patterns(mechanism: dict, source: Path) -> None:
     """Write out the patterns of a mechanism, and its points that are not coordinates.
 
@@ -106,7 +117,10 @@ def expand_patterns(mechanism: dict, source: Path) -> None:
                     joined.append(_copy(entry, turn, str(copy)))
     for path in _LISTS.values():
         for entry in _find_entries(mechanism, path):
-            _change(entry, _POINTS, _each(_AS_WRITTEN.place, only=dict))
+            put = _each(_AS_WRITTEN.place, only=dict)
+            _change(entry, _POINTS, put)
+            if isinstance(axes := entry.get("axis"), dict):
+                _change(axes, _POINTS, put)
     if "leg_defaults" in mechanism:
         _change(mechanism["leg_defaults"], _POINTS, _each(_AS_WRITTEN.place, only=dict))
 

@@ -33,8 +33,10 @@ from dockloop.runs.docking import run
 from dockloop.scene.find import find_scene
 from dockloop.scene.hardware import find_extent, make_hardware
 from dockloop.scene.mechanism_drawing import SHEET, write_drawing
+from dockloop.studies.envelopes.band import read_draws
 from dockloop.studies.envelopes.command import Envelope, Range, envelope, parse_range
 from dockloop.studies.envelopes.report import report_envelope
+from dockloop.studies.envelopes.search import check_tolerance
 from dockloop.sweeps.sampling import parse_setting
 
 COMMAND = "dockloop review"
@@ -64,21 +66,10 @@ def run_command(options: argparse.Namespace) -> dict[str, Any]:
     """
     path = find_scene(options.scene)
     folder = options.output or paths.RESULTS / "reviews" / path.stem
-    pages = [folder / "review.html"]
-    if not options.no_pdf:
-        import_optional("weasyprint")
-        pages.append(folder / "review.pdf")
-    check_whole("--directions", options.directions, 1, 360)
-    check_whole("--cases", options.cases, 2, 10_000)
-    stem = folder / "review"
-    drawing, boundary = folder / "review_mechanism.svg", folder / "review_envelope.png"
-    for figure in list_plots(stem):
-        claim(figure, figure_kind(RUN))
-    claim(boundary, figure_kind(COMMAND))
-    claim(drawing, SHEET)
-    claim(pages[0], html_kind(COMMAND))
-    claim(pages[-1], html_kind(COMMAND) if options.no_pdf else pdf_kind(COMMAND))
-    claim(folder / "summary.json", json_kind("summary", COMMAND))
+    _check_numbers(options)
+    stem, drawing = folder / "review", folder / "review_mechanism.svg"
+    boundary = folder / "review_envelope.png"
+    pages = _claim(options, folder, stem, drawing, boundary)
 
     overrides = dict(parse_setting("--scene", text) for text in options.overrides)
     settings = dict(parse_setting("--set", text) for text in options.set)
@@ -90,10 +81,8 @@ def run_command(options: argparse.Namespace) -> dict[str, Any]:
     result = run(options.scene, estimate_error=True, progress=progress, **more)
     axes = _choose_axes(options, result.scene)
     worst = _find_worst(options, overrides | settings, axes)
-    if worst:
-        overrides[worst["name"]] = worst["value"]
-    found = _find_envelope(options, axes, more, worst)
     band = _find_band(options, overrides | settings)
+    found = _find_envelope(options, axes, more, worst)
 
     figures = write_plots(result, stem) if can_draw() else []
     plots = list(figures)
@@ -134,6 +123,33 @@ def run_command(options: argparse.Namespace) -> dict[str, Any]:
     files = [*pages, *figures, folder / "summary.json"]
     write_summary(summary, files[-1], files)
     return summary
+
+
+def _check_numbers(options: argparse.Namespace) -> None:
+    """Check, before anything runs, what later work takes. Raises UsageError."""
+    check_whole("--directions", options.directions, 1, 360)
+    check_whole("--cases", options.cases, 2, 10_000)
+    check_tolerance(options.tolerance)
+    if options.fitted is not None:
+        read_draws(options.fitted, options.cases, 0)
+
+
+def _claim(
+    options: argparse.Namespace, folder: Path, stem: Path, drawing: Path, boundary: Path
+) -> list[Path]:
+    """Make sure that all files can be written; returns the page, and the PDF if there is one."""
+    pages = [folder / "review.html"]
+    if not options.no_pdf:
+        import_optional("weasyprint")
+        pages.append(folder / "review.pdf")
+        claim(pages[1], pdf_kind(COMMAND))
+    for figure in list_plots(stem):
+        claim(figure, figure_kind(RUN))
+    claim(boundary, figure_kind(COMMAND))
+    claim(drawing, SHEET)
+    claim(pages[0], html_kind(COMMAND))
+    claim(folder / "summary.json", json_kind("summary", COMMAND))
+    return pages
 
 
 def report_review(summary: dict[str, Any]) -> list[Section]:
@@ -264,9 +280,12 @@ def _find_envelope(
     if not axes:
         return None
     decided = {axis[0] for axis in axes}
+    given = {name: dict(more[name]) for name in ("overrides", "start_values")}
+    if worst:
+        given["overrides"][worst["name"]] = worst["value"]
     settings = {
-        member: {k: v for k, v in more[member].items() if k not in decided}
-        for member in ("overrides", "start_values")
+        member: {k: v for k, v in values.items() if k not in decided}
+        for member, values in given.items()
     }
     return envelope(
         options.scene,
@@ -337,7 +356,7 @@ def _report_band(band: dict[str, Any] | None, file: str | None) -> Iterator[Sect
                 for name, load in band["loads"].items()]  # fmt: skip
         yield Section(
             "Loads with the uncertainty of the fit",
-            f"{band['cases']} dockings with parameters drawn from {file}.",
+            f"{band['cases']} dockings as above, but with parameters drawn from {file}.",
             [("load", "2.5 %", "median", "97.5 %", "unit"), *rows],
         )
 
@@ -348,9 +367,11 @@ def _repeat(options: argparse.Namespace) -> list[str]:
     for letter in "xy":
         if given := getattr(options, letter):
             words += [f"--{letter}", *given]
-    for option, member in (("--accuracy", "accuracy"), ("--from", "fitted")):
+    names = {"--accuracy": "accuracy", "--from": "fitted", "-o": "output"}
+    names |= {f"--{name}": name for name in ("tolerance", "directions", "cases")}
+    for option, member in names.items():
         value = getattr(options, member)
         words += [] if value is None else [option, str(value)]
     for text in options.criterion:
         words += ["--criterion", text]
-    return words
+    return words + ["--no-pdf"] * options.no_pdf

@@ -72,9 +72,17 @@ def read_fitted(entry: dict[str, Any], folder: Path) -> dict[str, Any]:
 
 def _check(numbers: Mapping[str, Any], path: Path) -> None:
     """Refuse numbers that cannot be drawn."""
-    names = numbers.get("names")
+    texts: dict[str, Any] = {m: numbers.get(m) for m in ("names", "units", "uniform")}
+    for member, values in texts.items():
+        if not isinstance(values, list) or not all(isinstance(v, str) for v in values):
+            raise UsageError(f"{shown(path)}: '{member}' must be a list of texts")
+    names, units, uniform = texts.values()
     if not names:
         raise UsageError(f"{shown(path)}: has no parameter that all tests share: fit with --vary")
+    if len(units) != len(names) or not set(uniform) <= set(names):
+        raise UsageError(
+            f"{shown(path)}: 'units' must have one text for each of 'names', 'uniform' some of them"
+        )
     flat = {
         member: _flatten(numbers.get(member), shape)
         for member, shape in (

@@ -231,6 +231,11 @@ def make_sweep(
     read = [read_fitted(e, path.parent) if e["type"] == "fit" else e for e in given["vary"]]
     if read != given["vary"]:
         given, text = {**given, "vary": read}, None
+    if "cases" not in given and any(entry["type"] == "fit" for entry in read):
+        raise UsageError(
+            f"{shown(path)}: lacks 'cases': how often the parameters of the fit are drawn, for"
+            " example cases = 64"
+        )
     document = {"title": path.stem, **schema.list_defaults("sweep"), "set": {}, **given}
     _check_members(document, path)
     _check_not_drawn(document, path)

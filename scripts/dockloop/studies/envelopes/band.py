@@ -52,7 +52,7 @@ def read_draws(file: str | Path, count: Any, seed: int) -> Draws:
     """
     from scipy.stats import qmc
 
-    count = check_whole("--draws", count, 2, 10_000)
+    count, seed = check_whole("--draws", count, 2, 10_000), check_whole("--seed", seed, 0)
     numbers = read_fitted({"type": "fit", "file": str(file)}, Path())["numbers"]
     names = numbers["names"]
     cube = qmc.LatinHypercube(len(names), rng=np.random.default_rng(seed)).random(count)
@@ -94,11 +94,13 @@ def find_band(
 def list_shares(nominal: Search, band: list[Search]) -> tuple[list[str], list[list[Any]]]:
     """Return the table of a band: points of a raster, share of draws that meet each criterion."""
     axes, texts = nominal.order.axes, [criterion.text for criterion in nominal.criteria]
-    cells = _RASTER[len(axes)]
+    cells = min(_RASTER[len(axes)], nominal.mesh.size)
     ticks = [round(nominal.mesh.size * i / cells) for i in range(cells + 1)]
     rows = []
     for point in product(ticks, repeat=len(axes)):
-        met = [search.mesh.predict(point, search.known) for search in band]
+        met = [
+            search.known.get(point) or search.mesh.predict(point, search.known) for search in band
+        ]
         rows.append([*nominal.values(point), *np.mean(met, axis=0).tolist()])
     return [*(axis.name for axis in axes), *(f"share: {text}" for text in texts)], rows
 

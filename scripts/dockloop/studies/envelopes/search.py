@@ -233,8 +233,7 @@ def _prepare(order: Order, judge: Judge | None) -> Search:
     order = _check_numbers(order)
     tolerance = _TOLERANCE[dimensions] if order.tolerance is None else order.tolerance
     coarse = _COARSE[dimensions] if order.coarse is None else order.coarse
-    if not FINEST <= tolerance <= 0.25:
-        raise UsageError(f"--tolerance {tolerance:g}: must be {FINEST:g} to 0.25 (of the range)")
+    check_tolerance(tolerance)
     levels = max(0, math.ceil(math.log2(0.5 / tolerance / coarse) - 1e-9))
     planner = Planner(_make_sweep(order, judge.work if judge else WORK))
     if judge is not None:
@@ -243,6 +242,12 @@ def _prepare(order: Order, judge: Judge | None) -> Search:
         return Search(order, planner, judge.criteria, Mesh(dimensions, coarse, levels))
     criteria = [planner.ask(text, "--criterion") for text in order.criteria]
     return Search(order, planner, criteria, Mesh(dimensions, coarse, levels))
+
+
+def check_tolerance(tolerance: float) -> None:
+    """Check how well a boundary shall be known. Raises UsageError."""
+    if not FINEST <= tolerance <= 0.25:
+        raise UsageError(f"--tolerance {tolerance:g}: must be {FINEST:g} to 0.25 (of the range)")
 
 
 def _check_axis(place: str, axis: Axis) -> None:
