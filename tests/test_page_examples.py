@@ -67,6 +67,7 @@ ELSEWHERE = {  # beginning of a line, or what is in it: why it does not run here
 SHORT = {  # command: options that cut it short
     "run": ("--stop", "0.5"),
     "sweep": (),
+    "review": ("--stop", "1", "--tolerance", "0.25", "--directions", "2"),
     "envelope": ("--stop", "1", "--tolerance", "0.25", "--coarse", "2", "--check", "0"),
     "map": ("--stop", "0.3", "--points", "3"),
     "trade": ("--stop", "0.5", "--tolerances", "1e-3"),
