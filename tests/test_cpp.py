@@ -170,4 +170,4 @@ def test_a_document_replaces_only_a_document(dockloop, tmp_path):
         assert Path("own.json").read_text() == text
     refused = dockloop("build", "absorber_1d", "--reference", "-o", "mine.json")
     assert_refused(refused, "mine.json", "--reference", "FMU")
-    assert_refused(dockloop("build", "absorber_1d", "-o", "own.txt"), "end in .fmu or .json")
+    assert_refused(dockloop("build", "absorber_1d", "-o", "own.txt"), "must end in .fmu")

@@ -27,6 +27,7 @@ from dockloop.fmu.build import build_fmu
 from dockloop.scene.values import to_text
 from extreme_cases.fmi_host import OK, Host
 from import_files import ARM, IMPORTED, ROBOT_LINK, bring, joint, link, mjcf, sdf, turn, urdf
+from test_input_tables import VEHICLE as JETS
 
 pytestmark = pytest.mark.usefixtures("own_folder")
 SCENE = "absorber_1d"
@@ -385,20 +386,8 @@ def test_a_report_on_contact_is_one_sentence(thread, do, words):
 # ------------------------------------------------------------------- 4. sweeps, files and tables
 
 
-VEHICLE = """
-[chaser]
-mass = 1000
-inertia = [1000, 1000, 1000, 0, 0, 0]
-[initial]
-at = "start"
-[experiment]
-stop = 2.0
-step = 0.5
-[outputs]
-groups = ["energy"]
-[[input]]
-file = "in.csv"
-"""
+VEHICLE = JETS.replace("jets.csv", "in.csv")
+SHORT = {"stop": 2.0, "step": 0.5}
 HEAD = "time,chaser.force_ext[1]\n"
 TABLES = [  # thread, table, velocity in mm/s at the end
     ("pandas-dev/pandas#4793", "\ufeff" + HEAD + "0,10\n2,10\n", 20.0),
@@ -432,7 +421,7 @@ BAD_TABLES = [  # thread, table, words
 def push(text):
     Path("in.csv").write_text(text, encoding="utf-8")
     Path("vehicle.toml").write_text(VEHICLE)
-    return dl.run("vehicle.toml")["chaser.velocity[1]"][-1]
+    return dl.run("vehicle.toml", **SHORT)["chaser.velocity[1]"][-1]
 
 
 @pytest.mark.parametrize(("thread", "text", "speed"), TABLES, ids=[row[0] for row in TABLES])
@@ -460,7 +449,7 @@ def test_a_column_that_means_nothing_is_named_once(capsys):
     scene = Path("vehicle.toml").read_text() + 'columns = {"spare one" = "", "spare two" = ""}\n'
     Path("vehicle.toml").write_text(scene)
     warn_once.cache_clear()
-    dl.run("vehicle.toml")
+    dl.run("vehicle.toml", **SHORT)
     assert capsys.readouterr().err == ""
 
 
@@ -486,11 +475,10 @@ def test_what_stands_next_to_a_linked_file_is_found(tmp_path):
     Path(f"{SCENE}.json").write_text(law.replace("30000", "40000"))  # next to the link: first
     contact = dl.Scene("linked.toml").document["mechanism"]["contact"]
     assert contact["stiffness"] == 40000
-    text = VEHICLE.replace("in.csv", "jets.csv")
-    (tmp_path / "real" / "vehicle.toml").write_text(text)
+    (tmp_path / "real" / "vehicle.toml").write_text(JETS)
     (tmp_path / "real" / "jets.csv").write_text(HEAD + "0,10\n2,10\n")
     Path("jets.toml").symlink_to(tmp_path / "real" / "vehicle.toml")
-    assert dl.run("jets.toml")["chaser.velocity[1]"][-1] == pytest.approx(0.02)
+    assert dl.run("jets.toml", **SHORT)["chaser.velocity[1]"][-1] == pytest.approx(0.02)
 
 
 def test_a_table_of_cases_without_rows_is_refused():

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import dockloop as dl
-from dockloop.studies.review import list_travels
+from dockloop.review.command import list_travels
 from test_cli import assert_refused
 from test_fit_sweep import C, K, write_fit
 

@@ -23,6 +23,7 @@ Rooms by floor. A room imports from lower floors; on one floor, imports go one w
     11  cli       the program: arguments in, text and exit status out
     11  commands  what the command line offers: parser, console, one module a command
     10  live      the page of a view with sliders, from a server on this machine
+    10  review    the report of one docking for a review board
      9  api       what the function `sweep` does
      9  studies   questions over many runs: envelopes, maps, trades, random extremes, measurements
      9  view      a docking in three dimensions

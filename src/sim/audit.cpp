@@ -7,11 +7,6 @@
 
 namespace dockloop {
 
-double find_potential_energy(const DockingData<double>& data) {
-  return data.joints.energy + data.elements.sums.energy + data.contact.energy + data.latch.energy +
-         data.hard_dock.energy + data.forces.energy;
-}
-
 double find_total_energy(const DockingModel& model, const DockingData<double>& data) {
   return find_kinetic_energy(model, data) + find_potential_energy(data);
 }

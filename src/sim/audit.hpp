@@ -35,8 +35,13 @@ struct MomentumAudit {
   double scale = 0.0, angular_scale = 0.0;  ///< largest seen [N s], [N m s]
 };
 
-/// Elastic energy of legs, contact and latches [J]. @pre calc_docking
-double find_potential_energy(const DockingData<double>& data);
+/// Stored energy: legs and elements, contact, latches, hard dock, forces between the vehicles [J].
+/// @pre calc_docking
+template <class S>
+S find_potential_energy(const DockingData<S>& data) {
+  return data.joints.energy + data.elements.sums.energy + data.contact.energy + data.latch.energy +
+         data.hard_dock.energy + data.forces.energy;
+}
 /// Kinetic and elastic energy [J]. @pre calc_docking
 double find_total_energy(const DockingModel& model, const DockingData<double>& data);
 

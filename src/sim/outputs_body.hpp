@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "math/scalar.hpp"
+#include "sim/audit.hpp"
 #include "sim/outputs.hpp"
 
 namespace dockloop {
@@ -287,8 +288,7 @@ void read_energy(const OutputSource<S>& from, OutputValues<S>& out) {
   const DockingData<S>& data = from.data;
   const S* sums = from.y + model.layout.sums;
   out.energy_kinetic = find_kinetic_energy(model, data);
-  out.energy_potential = data.joints.energy + data.elements.sums.energy + data.contact.energy +
-                         data.latch.energy + data.hard_dock.energy + data.forces.energy;
+  out.energy_potential = find_potential_energy(data);
   out.energy_dissipated_contact = sums[kSumContact];
   out.energy_dissipated_friction = sums[kSumFriction];
   out.energy_dissipated_legs = sums[kSumLegs];

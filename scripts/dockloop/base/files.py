@@ -119,10 +119,10 @@ def read_entry(path: Path | BinaryIO, name: str) -> bytes:
         raise ValueError(f"{name} in it cannot be unpacked ({error})") from None
 
 
-def check_suffix(path: Path, *suffixes: str) -> None:
+def check_suffix(path: Path, suffix: str) -> None:
     """Check how the name of a file ends that the user has chosen. Raises UsageError."""
-    if path.suffix not in suffixes:
-        raise UsageError(f"-o {shown(path)}: must end in {' or '.join(suffixes)}")
+    if path.suffix != suffix:
+        raise UsageError(f"-o {shown(path)}: must end in {suffix}")
 
 
 def claim(path: Path, kind: Kind, option: str = "-o") -> None:

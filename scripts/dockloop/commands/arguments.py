@@ -132,6 +132,10 @@ class Command(argparse.ArgumentParser):
         text = "wanted relative error of all dockings, or real-time: as --set accuracy=ERROR"
         self.add_option("--accuracy", "ERROR", text)
 
+    def add_fitted(self, text: str) -> None:
+        """Add the result of a fit, whose parameters vary."""
+        self.add_option("--from", "FIT.json", text, dest="fitted")
+
     def add_range(self, letter: str, *, is_optional: bool = False) -> None:
         """Add a quantity that goes over a range."""
         self.add_argument(

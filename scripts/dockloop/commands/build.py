@@ -27,12 +27,9 @@ def add_options(command: Command) -> None:
 
 def run(options: Options) -> None:
     """Build the FMU and say where it is."""
-    from dockloop.base.files import check_suffix
     from dockloop.fmu.build import build_document, build_fmu
     from dockloop.fmu.reference import add_reference
 
-    if options.output:
-        check_suffix(options.output, ".fmu", ".json")
     if options.output and options.output.suffix == ".json":
         if options.reference or options.kernel:
             raise UsageError(f"-o {shown(options.output)}: --reference and --kernel need an FMU")

@@ -40,7 +40,7 @@ def add_options(command: Command) -> None:
     text = "of these, and of --draws (default: 0)"
     command.add_option("--seed", "N", text, type=whole, default=0)
     text = "find the boundary with the values of a fit, then with draws of them: its band"
-    command.add_option("--from", "FIT.json", text, dest="fitted")
+    command.add_fitted(text)
     text = "searches of the band of --from (default: 8)"
     command.add_option("--draws", "N", text, type=whole, default=8)
     command.add_run()

@@ -25,7 +25,7 @@ def add_options(command: Command) -> None:
     text = "directions of the first start condition that has one (default: 12; 1: as in the scene)"
     command.add_option("--directions", "N", text, type=whole, default=12)
     text = "show how uncertain loads and boundary are with the parameters of a fit"
-    command.add_option("--from", "FIT.json", text, dest="fitted")
+    command.add_fitted(text)
     text = "dockings with parameters of the fit (default: 32)"
     command.add_option("--cases", "N", text, type=whole, default=32)
     command.add_workers()
@@ -37,7 +37,7 @@ def add_options(command: Command) -> None:
 
 def run(options: Options) -> None:
     """Make the report."""
-    from dockloop.studies.review import CRITERION, report_review, run_command
+    from dockloop.review.command import CRITERION, report_review, run_command
 
     options.criterion = options.criterion or [CRITERION]
     write_found(options, run_command(options), report_review)

@@ -29,7 +29,7 @@ def add_options(command: Command) -> None:
         " workers; auto (default): core; results are the same",
     )
     text = "let the parameters of a fit vary, too, with their covariance (see dockloop fit)"
-    command.add_option("--from", "FIT.json", text, dest="fitted")
+    command.add_fitted(text)
     command.add_executor()
     command.add_flag("--resume", "go on with a sweep that was interrupted")
     command.add_output(

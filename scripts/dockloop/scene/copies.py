@@ -19,6 +19,7 @@ from dockloop.base.files import Kind, write_text, writing
 from dockloop.base.paths import is_file, next_to, read_text, shown
 from dockloop.scene.find import find_mechanism, find_scene, read_mechanism, read_toml
 from dockloop.scene.resolve import PATHS, resolve_scene
+from dockloop.scene.tables import list_files
 from dockloop.scene.values import to_text
 
 
@@ -68,16 +69,12 @@ def copy_scene(reference: str, name: str, folder: Path) -> list[Path]:
 
 def _list_tables(scene: dict, source: Path, folder: Path) -> Iterator[tuple[Path, Path]]:
     """Yield the copy of each table that a scene or its mechanism names, and the table."""
-    laws, place = [], source
+    owners = [(source, list_files(scene))]
     if "mechanism" in scene:
-        place = find_mechanism(scene["mechanism"]["name"], source)
-        mechanism = read_mechanism(place)
-        groups = [mechanism, *mechanism.get("patterns", [])]
-        forces = [force for group in groups for force in group.get("forces", [])]
-        laws = [law for force in forces for law in force.get("laws", [])]
-    owners = ((source, [*scene.get("input", []), *scene.get("force", [])]), (place, laws))
+        mechanism = find_mechanism(scene["mechanism"]["name"], source)
+        owners.append((mechanism, list_files({"mechanism": read_mechanism(mechanism)})))
     for owner, entries in owners:
-        for name in (entry["file"] for entry in entries if "file" in entry):
+        for name in (entry["file"] for entry in entries):
             table, copy = next_to(owner, name), folder / name
             if is_file(table) and copy.resolve() != table.resolve():
                 yield copy, table

@@ -204,7 +204,9 @@ def read_inputs(entries: Sequence[dict], document: dict, source: Path) -> list[d
 def list_files(scene: Mapping[str, Any]) -> list[dict]:
     """Return the entries of a scene that is no file which name a table: inputs, forces, laws."""
     mechanism = scene.get("mechanism", {})
-    forces = mechanism.get("forces", []) if isinstance(mechanism, Mapping) else []
+    patterns = mechanism.get("patterns") if isinstance(mechanism, Mapping) else None
+    groups = [mechanism, *(patterns if isinstance(patterns, list) else ())]
+    forces = [f for group in groups if isinstance(group, Mapping) for f in group.get("forces", [])]
     laws = [law for force in forces for law in force.get("laws", [])]
     return [
         entry

@@ -22,18 +22,19 @@ COMMAND = "dockloop fit"
 _ROOM = 1e-9  # on variances, relative: a correlation of 1 has a factorisation
 
 
-def make_numbers(summary: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:
-    """Return what a draw needs of a fit: the same members as in the entry of a sweep.
+def make_numbers(summary: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a draw needs of a fit: the members of the entry of a sweep.
 
     Args:
-        summary: of `dockloop.studies.fits.report.summarise_fit`.
-        names: of the parameters that all tests share, in the order of the covariance.
+        summary: of `dockloop.studies.fits.report.summarise_fit`. A parameter of one test alone has
+            another label than its name, and is left out.
     """
     labels = list(summary["values"])
+    names = [label for label in labels if label in summary["vary"]]
     places = [labels.index(name) for name in names]
     leads = [direction["parameters"][0] for direction in summary["not_identified"]]
     return {
-        "names": list(names),
+        "names": names,
         "units": [summary["units"][name] for name in names],
         "values": [summary["values"][name] for name in names],
         "ranges": [list(summary["vary"][name]) for name in names],
@@ -60,8 +61,7 @@ def read_fitted(entry: dict[str, Any], folder: Path) -> dict[str, Any]:
         if "covariance" not in summary:
             raise UsageError(f"{shown(path)}: is a plan of tests: must be the result of a fit")
         try:
-            names = [name for name in summary["values"] if name in summary["vary"]]
-            entry = {**entry, "numbers": make_numbers(summary, names)}
+            entry = {**entry, "numbers": make_numbers(summary)}
         except (KeyError, IndexError, TypeError, ValueError) as error:
             raise UsageError(
                 f"{shown(path)}: lacks or has a bad member ({error}): run '{COMMAND}' again"

@@ -420,13 +420,13 @@ def transform_cube(document: dict, cube: np.ndarray) -> np.ndarray:
 def _draw(document: dict, passes: Passes | None) -> Cases:
     """Return the cases of a sweep file."""
     width = count_drawn(document)
-    cube = _sample_cube(document["sampling"], document["cases"], width, document["seed"])
+    cube = sample_cube(document["sampling"], document["cases"], width, document["seed"])
     return Cases(
         document["vary"], transform_cube(document, cube), passes.accuracy if passes else None
     )
 
 
-def _sample_cube(sampling: str, count: int, width: int, seed: int) -> np.ndarray:
+def sample_cube(sampling: str, count: int, width: int, seed: int) -> np.ndarray:
     """Return points of the unit cube, shape (count, width)."""
     from scipy.stats import qmc
 

@@ -13,6 +13,7 @@ from dockloop.base.number import check_whole
 from dockloop.studies.envelopes.search import Order, Progress, Search, find_envelope
 from dockloop.sweeps.campaign import How
 from dockloop.sweeps.fitted import draw_fitted, read_fitted
+from dockloop.sweeps.sampling import sample_cube
 
 _RASTER = {2: 32, 3: 8}  # cells along an axis of the table
 
@@ -50,12 +51,10 @@ def read_draws(file: str | Path, count: Any, seed: int) -> Draws:
     Raises:
         UsageError: the file is none, or a number is bad.
     """
-    from scipy.stats import qmc
-
     count, seed = check_whole("--draws", count, 2, 10_000), check_whole("--seed", seed, 0)
     numbers = read_fitted({"type": "fit", "file": str(file)}, Path())["numbers"]
     names = numbers["names"]
-    cube = qmc.LatinHypercube(len(names), rng=np.random.default_rng(seed)).random(count)
+    cube = sample_cube("latin_hypercube", count, len(names), seed)
     drawn = [dict(zip(names, row, strict=True)) for row in draw_fitted(numbers, cube).tolist()]
     return Draws(dict(zip(names, numbers["values"], strict=True)), drawn)
 
@@ -98,9 +97,7 @@ def list_shares(nominal: Search, band: list[Search]) -> tuple[list[str], list[li
     ticks = [round(nominal.mesh.size * i / cells) for i in range(cells + 1)]
     rows = []
     for point in product(ticks, repeat=len(axes)):
-        met = [
-            search.known.get(point) or search.mesh.predict(point, search.known) for search in band
-        ]
+        met = [search.mesh.predict(point, search.known) for search in band]
         rows.append([*nominal.values(point), *np.mean(met, axis=0).tolist()])
     return [*(axis.name for axis in axes), *(f"share: {text}" for text in texts)], rows
 

@@ -101,8 +101,8 @@ class Mesh:
         return list(chosen)
 
     def predict(self, point: Point, known: Mapping[Point, Class]) -> Class:
-        """Return the class of a point of a cell whose corners agree."""
-        return known[next(self._find_cells(point)).corner]
+        """Return the class of a point that is known, or of a cell whose corners agree."""
+        return known[point] if point in known else known[next(self._find_cells(point)).corner]
 
     def _find_cells(self, point: Point) -> Iterator[Cell]:
         """Yield the cells that have a point, on their border too."""

@@ -85,7 +85,8 @@ class Fit:
 
         The table is one of cases for `dockloop.sweep`. What is not determined is anywhere.
         """
-        columns, rows = draw_cases(self._fitted, count, seed)
+        check_count(self._fitted.order, count)
+        columns, rows = draw_cases(self.summary, count, seed)
         return import_optional("pandas").DataFrame(rows, columns=columns)
 
     def apply(self, path: str | Path) -> None:
@@ -321,7 +322,7 @@ def run_command(options: argparse.Namespace) -> dict[str, Any]:
             _apply(fitted, summary, copy)
             files.append(copy)
         if options.cases:
-            write_csv(cases, _CASES, *draw_cases(fitted, options.cases, options.seed))
+            write_csv(cases, _CASES, *draw_cases(summary, options.cases, options.seed))
             files.append(cases)
         files += figures
         if options.report:

@@ -144,20 +144,20 @@ def check_count(order: Order, count: int) -> None:
         raise UsageError("--cases: every test has values of its own: give --vary, too")
 
 
-def draw_cases(fitted: Fitted, count: int, seed: int) -> tuple[list[str], list[list[Any]]]:
+def draw_cases(
+    summary: Mapping[str, Any], count: int, seed: int
+) -> tuple[list[str], list[list[Any]]]:
     """Return heads and rows of cases for a sweep: parameters drawn with their covariance.
 
-    Raises:
-        UsageError: as `check_count`.
+    Args:
+        summary: of `dockloop.studies.fits.report.summarise_fit`.
+        count: of cases, as `check_count` takes it.
+        seed: of the draws.
     """
-    from dockloop.studies.fits.report import summarise_fit
-
-    check_count(fitted.order, count)
-    names = [p.label for p in fitted.problem.parameters if p.trial is None]
-    numbers = make_numbers(summarise_fit(fitted), names)
-    drawn = draw_fitted(numbers, np.random.default_rng(seed).random((count, len(names))))
-    rows = [[f"drawn {i}", *row] for i, row in enumerate(drawn.tolist(), 1)]
-    return ["name", *names], rows
+    numbers = make_numbers(summary)
+    cube = np.random.default_rng(seed).random((count, len(numbers["names"])))
+    rows = [[f"drawn {i}", *row] for i, row in enumerate(draw_fitted(numbers, cube).tolist(), 1)]
+    return ["name", *numbers["names"]], rows
 
 
 def _check(order: Order) -> None:

@@ -20,7 +20,15 @@ from dockloop.base.figures import can_draw, save_figure
 from dockloop.base.files import MADE_BY, claim, figure_kind, json_kind
 from dockloop.base.number import check_whole, read_if_number
 from dockloop.base.progress import ProgressBar, import_optional
-from dockloop.base.sections import Section, html_kind, list_files, pdf_kind, write_html, write_pdf
+from dockloop.base.sections import (
+    FACTS,
+    Section,
+    html_kind,
+    list_files,
+    pdf_kind,
+    write_html,
+    write_pdf,
+)
 from dockloop.base.words import list_words
 from dockloop.native import core
 from dockloop.report.plots import list_plots, write_plots
@@ -34,7 +42,13 @@ from dockloop.scene.find import find_scene
 from dockloop.scene.hardware import find_extent, make_hardware
 from dockloop.scene.mechanism_drawing import SHEET, write_drawing
 from dockloop.studies.envelopes.band import read_draws
-from dockloop.studies.envelopes.command import Envelope, Range, envelope, parse_range
+from dockloop.studies.envelopes.command import (
+    Envelope,
+    Range,
+    envelope,
+    make_experiment,
+    parse_range,
+)
 from dockloop.studies.envelopes.report import report_envelope
 from dockloop.studies.envelopes.search import check_tolerance
 from dockloop.sweeps.sampling import parse_setting
@@ -155,7 +169,7 @@ def _claim(
 def report_review(summary: dict[str, Any]) -> list[Section]:
     """Return what the terminal shows: the outcome, what is close to a limit, the files."""
     loads = [
-        (name, load["value"], load["unit"], None if load.get("ratio") is None else load["ratio"])
+        (name, load["value"], load["unit"], load.get("ratio"))
         for name, load in summary["run"].get("peak_loads", {}).items()
     ]
     facts = [("outcome", summary["run"].get("outcome", "not judged"))]
@@ -167,15 +181,12 @@ def report_review(summary: dict[str, Any]) -> list[Section]:
         facts.append(("boundary", f"{criterion['text']}: {criterion['met']:.1%} of the box"))
     facts += list_files(summary.get("files", []))
     heads = ("load", "peak", "unit", "of the rated")
+    travels = (row.values() for row in summary["travels"])
     return [
-        Section(f"Review of {summary['scene']}", table=[("what", "is"), *facts]),
+        Section(f"Review of {summary['scene']}", table=[FACTS, *facts]),
         Section("Peak loads", table=[heads, *loads]),
-        Section("Travel against stops", table=[_TRAVEL_HEADS, *_list_rows(summary["travels"])]),
+        Section("Travel against stops", table=[_TRAVEL_HEADS, *travels]),
     ]
-
-
-def _list_rows(rows: list[dict[str, Any]]) -> Iterator[list[Any]]:
-    yield from (list(row.values()) for row in rows)
 
 
 _TRAVEL_HEADS = ("part", "lowest", "highest", "lower stop", "upper stop", "unit", "left")
@@ -243,7 +254,7 @@ def _find_worst(
             "scene": options.scene,
             "set": {**settings, magnitude: middle},
             "vary": [{"type": "grid", "name": direction, "values": angles}],
-            "experiment": _make_experiment(options),
+            "experiment": make_experiment(options.stop, options.step),
         },
         workers=options.workers,
     )
@@ -266,11 +277,6 @@ def _find_worst(
         "why": f"load ratio {ratio:.3f}" if outcome in WITH_CAPTURE and ratio else str(outcome),
         "directions": rows,
     }
-
-
-def _make_experiment(options: argparse.Namespace) -> dict[str, float]:
-    given = {"stop": options.stop, "step": options.step}
-    return {name: value for name, value in given.items() if value is not None}
 
 
 def _find_envelope(
@@ -303,7 +309,7 @@ def _find_band(options: argparse.Namespace, settings: dict[str, Any]) -> dict[st
     if options.fitted is None:
         return None
     members = {"scene": options.scene, "set": settings, "cases": options.cases}
-    members["experiment"] = _make_experiment(options)
+    members["experiment"] = make_experiment(options.stop, options.step)
     table = sweep(members, fitted=options.fitted, workers=options.workers)
     done = table[table["status"] == "done"]
     loads = {

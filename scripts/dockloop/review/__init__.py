@@ -1,0 +1,1 @@
+"""The report of one docking for a review board."""
