@@ -13,10 +13,21 @@
 namespace dockloop {
 namespace {
 
-/// Passive rings, and other dockings, were measured apart.
+/// Passive rings and other dockings were measured apart. So were bristles: loose tolerances let
+/// them slip too late, which changes loads and costs more steps than tight ones.
 const AccuracyTable& get_table(const DockingModel& model) {
   const bool is_passive = model.contact.rings && model.mechanism.model.elements.empty();
+  if (model.layout.bristle_count > 0) {
+    return is_passive ? kPassiveRingsWithBristles : kOthersWithBristles;
+  }
   return is_passive ? kPassiveRings : kOthers;
+}
+
+/// Errors are relative to the motion and the loads of the docking, and both follow from the speed
+/// of the approach. Without a target nothing is known of them. A vehicle at rest will be pulled.
+double find_scale(const DockingModel& model, double speed) {
+  constexpr double kUsual = 0.05, kLeast = 0.1;  // [m/s], [-]
+  return model.present[kTarget] ? std::clamp(speed / kUsual, kLeast, 1.0) : 1.0;
 }
 
 /// Surfaces that stick slide slowly. The tolerance of velocities stays below the transition speed
@@ -86,7 +97,7 @@ SolverMethod find_best(const Parameters& p, double tolerance, const AccuracyTabl
   SolverMethod best = kStabilised;
   for (size_t i = 0; i < table.size; ++i) {
     const AccuracyRow& row = table.row[i];
-    best = (p.friction_model == 2 ? row.with_bristles : row.method)[step];
+    best = row.method[step];
     if (row.error <= p.accuracy && row.rtol[find_place(best)] <= stated) return best;
   }
   // No row is tight enough: stabilised steps still pay where they reach the wanted error.
@@ -118,7 +129,8 @@ void choose_tolerances(const Parameters& p, double tolerance, const DockingModel
   const AccuracyTable& table = get_table(model);
   const SolverSettings defaults;
   const size_t place = find_place(find_method(c.method, needs_other_matrix(model))->method);
-  const bool is_measured = place < kCalibratedMethods.size() && p.model_level != kReference;
+  const bool is_measured = place < kCalibratedMethods.size() && table.row[0].rtol[place] > 0.0 &&
+                           p.model_level != kReference;
   const Column column(table, is_measured ? place : find_place(find_best(p, tolerance, table)));
   const double rtol = column.find_rtol(p.accuracy);
   if (may_choose("rtol", p.rtol == defaults.rtol, c)) c.rtol = rtol;
@@ -127,12 +139,13 @@ void choose_tolerances(const Parameters& p, double tolerance, const DockingModel
     if (may_choose(name, is_default, c)) value = per_rtol * c.rtol;
     is_in_proportion = is_in_proportion && value <= per_rtol * c.rtol;
   };
-  choose("atol_position", p.atol_position == defaults.atol_position, kAtolPosition,
+  choose("atol_position", p.atol_position == defaults.atol_position, c.scale * kAtolPosition,
          c.atol_position);
   const bool is_default_velocity = p.atol_velocity == defaults.atol_velocity;
-  choose("atol_velocity", is_default_velocity, kAtolVelocity, c.atol_velocity);
+  choose("atol_velocity", is_default_velocity, c.scale * kAtolVelocity, c.atol_velocity);
   if (is_default_velocity) c.atol_velocity = std::min(c.atol_velocity, find_velocity_limit(model));
-  choose("atol_energy", p.atol_energy == defaults.atol_energy, kAtolEnergy, c.atol_energy);
+  choose("atol_energy", p.atol_energy == defaults.atol_energy, c.scale * c.scale * kAtolEnergy,
+         c.atol_energy);
   // A smaller tolerance of the host reduces all of them (DockingSim::Impl::make_loop).
   const double used = tolerance > 0.0 ? std::min(tolerance, c.rtol) : c.rtol;
   if (is_measured && is_in_proportion && used <= column.rtol(0)) {
@@ -171,6 +184,19 @@ std::string describe_left_out_motion(const WorkDone& work) {
   return parts;
 }
 
+/// What can be promised after a longer time than the measured dockings took.
+std::string describe_long_motion(const WorkDone& work) {
+  constexpr double kMeasured = 30.0;  // [s] after first contact, at most
+  const double moved = work.counters.left_out.free_time;
+  if (!(work.accuracy > 0.0) || moved <= kMeasured) return {};
+  return format(
+      ". The mechanism moved for %.4g s after first contact, the measured dockings for at most %g "
+      "s. "
+      "Where surfaces rattle in their play, errors of late peaks and of the final motion can grow "
+      "beyond accuracy; a second run (--estimate-error) shows them",
+      moved, kMeasured);
+}
+
 }  // namespace
 
 void check_accuracy(double accuracy) {
@@ -183,7 +209,8 @@ void check_accuracy(double accuracy) {
   throw ModelError(text);
 }
 
-SolverChoice choose_solver(const Parameters& p, double tolerance, const DockingModel& model) {
+SolverChoice choose_solver(const Parameters& p, double tolerance, const DockingModel& model,
+                           double speed) {
   SolverChoice c;
   static_cast<SolverSettings&>(c) = {p.rtol,          p.atol_position,
                                      p.atol_velocity, p.atol_energy,
@@ -200,6 +227,7 @@ SolverChoice choose_solver(const Parameters& p, double tolerance, const DockingM
   if (find_method(c.method)->fixed_step) {
     c.needs_step = may_choose("step", p.step == SolverSettings().step, c) && is_real_time;
   } else if (!is_real_time) {
+    c.scale = find_scale(model, speed);
     choose_tolerances(p, tolerance, model, c);
   }
   return c;
@@ -225,6 +253,10 @@ std::string describe_choice(const Parameters& p, const SolverChoice& c, const Me
                   p.accuracy, method.name, c.rtol);
   }
   std::string sentence = text;
+  if (c.scale < 1.0) {
+    sentence +=
+        format("; absolute tolerances %.2g times the usual ones for a slow approach", c.scale);
+  }
   if (c.error_estimate > 0.0) {
     std::snprintf(text, sizeof text,
                   "; 95 %% of %d measured dockings had an error below %.3g with these tolerances",
@@ -266,7 +298,7 @@ std::string describe_left_out(const WorkDone& work) {
                     static_cast<double>(work.points - work.read_points),
                     static_cast<double>(work.points));
   }
-  return "left out: " + (parts.empty() ? "nothing" : parts.substr(2));
+  return "left out: " + (parts.empty() ? "nothing" : parts.substr(2)) + describe_long_motion(work);
 }
 
 }  // namespace dockloop

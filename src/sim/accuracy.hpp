@@ -21,6 +21,7 @@ namespace dockloop {
 /// Method, tolerances and step in use.
 struct SolverChoice : SolverSettings {
   bool needs_step = false;      ///< `step` follows from the equations at the start
+  double scale = 1.0;           ///< of absolute tolerances: a slow docking is smaller
   double error_estimate = 0.0;  ///< [-] 95 % of the measured dockings were below; 0 = not known
   std::string stated;           ///< names of explicit settings, with commas
 };
@@ -29,8 +30,9 @@ struct SolverChoice : SolverSettings {
 void check_accuracy(double accuracy);
 
 /// @param tolerance  relative, of the host; 0 = none given
+/// @param speed  of the approach at the start [m/s]
 SolverChoice choose_solver(const Parameters& parameters, double tolerance,
-                           const DockingModel& model);
+                           const DockingModel& model, double speed);
 
 /// The choice and its reason in one sentence. @param method  that makes the steps
 /// @pre parameters.accuracy != 0
@@ -44,9 +46,11 @@ struct WorkDone {
   double place = 0.0;  ///< largest error of the coordinates of a quiescent mechanism [m]
   int pairs = 0;       ///< of the contact model
   std::int64_t points = 0, read_points = 0;  ///< communication points, and those with outputs
+  double accuracy = 0.0;                     ///< wanted
 };
 
-/// What was left out, and what that is worth, in one sentence.
+/// What was left out, and what that is worth, in one sentence; after a long motion in two more, on
+/// what can be promised.
 std::string describe_left_out(const WorkDone& work);
 
 }  // namespace dockloop

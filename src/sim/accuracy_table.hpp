@@ -12,7 +12,7 @@ namespace dockloop {
 constexpr size_t kColumns = 3;
 constexpr std::array<SolverMethod, kColumns> kCalibratedMethods = {kStabilised, kBdf, kRosenbrock};
 
-// Absolute tolerances over the relative one: [m], [m/s], [J].
+// Absolute tolerances over the relative one, for a usual approach: [m], [m/s], [J].
 constexpr double kAtolPosition = 0.01;
 constexpr double kAtolVelocity = 0.01;
 constexpr double kAtolEnergy = 0.1;
@@ -25,8 +25,6 @@ struct AccuracyRow {
   double error;
   /// The cheapest ones for short and for long communication steps.
   std::array<SolverMethod, 2> method;
-  /// The same where contacts have bristles.
-  std::array<SolverMethod, 2> with_bristles;
   /// Of each method; 0 = not reached.
   std::array<double, kColumns> rtol;
 };
@@ -37,35 +35,64 @@ struct AccuracyTable {
 };
 
 constexpr std::array<AccuracyRow, 12> kErrorsOfPassiveRings = {{
-    {0.1, {kRosenbrock, kRosenbrock}, {kStabilised, kStabilised}, {0.0004, 0.0023, 0.0057}},
-    {0.03, {kRosenbrock, kRosenbrock}, {kStabilised, kStabilised}, {0.00012, 0.0005, 0.0028}},
-    {0.01, {kRosenbrock, kRosenbrock}, {kStabilised, kStabilised}, {5.7e-05, 0.00013, 0.0015}},
-    {0.003, {kRosenbrock, kRosenbrock}, {kStabilised, kStabilised}, {2.6e-05, 4.4e-06, 0.0006}},
-    {0.001, {kRosenbrock, kRosenbrock}, {kStabilised, kStabilised}, {1.3e-05, 7.7e-07, 0.00021}},
-    {0.0003, {kRosenbrock, kRosenbrock}, {kStabilised, kStabilised}, {4.1e-06, 1.7e-07, 6.6e-05}},
-    {0.0001, {kRosenbrock, kRosenbrock}, {kStabilised, kStabilised}, {1.1e-06, 4.3e-08, 2.1e-05}},
-    {3e-05, {kRosenbrock, kRosenbrock}, {kStabilised, kStabilised}, {8e-08, 9.8e-09, 6.4e-06}},
-    {1e-05, {kStabilised, kStabilised}, {kStabilised, kStabilised}, {3.8e-08, 2.8e-09, 2.3e-06}},
-    {3e-06, {kStabilised, kStabilised}, {kStabilised, kStabilised}, {1.7e-08, 7.5e-10, 7.8e-07}},
-    {1e-06, {kStabilised, kStabilised}, {kStabilised, kStabilised}, {6.5e-09, 2.4e-10, 2.8e-07}},
-    {3e-07, {kStabilised, kStabilised}, {kStabilised, kStabilised}, {1.5e-09, 0, 0}},
+    {0.1, {kRosenbrock, kRosenbrock}, {0.00036, 0.0023, 0.0057}},
+    {0.03, {kRosenbrock, kRosenbrock}, {0.00012, 0.00033, 0.0028}},
+    {0.01, {kRosenbrock, kRosenbrock}, {5.5e-05, 2.7e-05, 0.0015}},
+    {0.003, {kRosenbrock, kRosenbrock}, {2.5e-05, 2.8e-06, 0.00061}},
+    {0.001, {kRosenbrock, kRosenbrock}, {1.2e-05, 5.5e-07, 0.00023}},
+    {0.0003, {kRosenbrock, kRosenbrock}, {2.9e-06, 9.3e-08, 7.4e-05}},
+    {0.0001, {kRosenbrock, kRosenbrock}, {7e-07, 2.8e-08, 2.1e-05}},
+    {3e-05, {kStabilised, kStabilised}, {1.9e-07, 7.7e-09, 6.3e-06}},
+    {1e-05, {kStabilised, kStabilised}, {6.1e-08, 2.4e-09, 2.4e-06}},
+    {3e-06, {kStabilised, kStabilised}, {2e-08, 6.7e-10, 8e-07}},
+    {1e-06, {kStabilised, kStabilised}, {6.3e-09, 2.2e-10, 2.8e-07}},
+    {3e-07, {kStabilised, kStabilised}, {1.5e-09, 0, 0}},
 }};
-constexpr AccuracyTable kPassiveRings = {kErrorsOfPassiveRings.data(), 12, 47};
+constexpr AccuracyTable kPassiveRings = {kErrorsOfPassiveRings.data(), 12, 77};
 
-constexpr std::array<AccuracyRow, 12> kErrorsOfOthers = {{
-    {0.1, {kRosenbrock, kRosenbrock}, {kStabilised, kStabilised}, {3.1e-05, 0.00038, 0.0019}},
-    {0.03, {kRosenbrock, kRosenbrock}, {kStabilised, kStabilised}, {1.5e-05, 0.00013, 0.00049}},
-    {0.01, {kRosenbrock, kRosenbrock}, {kStabilised, kStabilised}, {4.3e-06, 6.6e-06, 0.00011}},
-    {0.003, {kRosenbrock, kRosenbrock}, {kStabilised, kStabilised}, {6.5e-07, 1.5e-06, 5.5e-05}},
-    {0.001, {kRosenbrock, kRosenbrock}, {kStabilised, kStabilised}, {2e-07, 3.4e-07, 3e-05}},
-    {0.0003, {kRosenbrock, kRosenbrock}, {kStabilised, kStabilised}, {3.5e-08, 7e-08, 1.6e-05}},
-    {0.0001, {kRosenbrock, kRosenbrock}, {kStabilised, kStabilised}, {6.6e-09, 2.2e-08, 7.1e-06}},
-    {3e-05, {kStabilised, kStabilised}, {kStabilised, kStabilised}, {2.1e-09, 6.2e-09, 1.4e-06}},
-    {1e-05, {kStabilised, kStabilised}, {kStabilised, kStabilised}, {7.6e-10, 2.1e-09, 4.4e-07}},
-    {3e-06, {kStabilised, kStabilised}, {kStabilised, kStabilised}, {2.5e-10, 3.9e-10, 1.3e-07}},
-    {1e-06, {kStabilised, kStabilised}, {kStabilised, kStabilised}, {9.3e-11, 0, 0}},
-    {3e-07, {kStabilised, kStabilised}, {kStabilised, kStabilised}, {3e-11, 0, 0}},
+constexpr std::array<AccuracyRow, 12> kErrorsOfPassiveRingsWithBristles = {{
+    {0.1, {kStabilised, kStabilised}, {2.3e-05, 0, 0}},
+    {0.03, {kStabilised, kStabilised}, {8.4e-06, 0, 0}},
+    {0.01, {kStabilised, kStabilised}, {1.9e-06, 0, 0}},
+    {0.003, {kStabilised, kStabilised}, {6.4e-07, 0, 0}},
+    {0.001, {kStabilised, kStabilised}, {3.3e-07, 0, 0}},
+    {0.0003, {kStabilised, kStabilised}, {1.5e-07, 0, 0}},
+    {0.0001, {kStabilised, kStabilised}, {7.4e-08, 0, 0}},
+    {3e-05, {kStabilised, kStabilised}, {3e-08, 0, 0}},
+    {1e-05, {kStabilised, kStabilised}, {1.3e-08, 0, 0}},
+    {3e-06, {kStabilised, kStabilised}, {2e-09, 0, 0}},
+    {1e-06, {kStabilised, kStabilised}, {6.2e-11, 0, 0}},
+    {3e-07, {kStabilised, kStabilised}, {2.5e-11, 0, 0}},
 }};
-constexpr AccuracyTable kOthers = {kErrorsOfOthers.data(), 12, 59};
+constexpr AccuracyTable kPassiveRingsWithBristles = {kErrorsOfPassiveRingsWithBristles.data(), 12, 23};
+
+constexpr std::array<AccuracyRow, 11> kErrorsOfOthers = {{
+    {0.1, {kRosenbrock, kRosenbrock}, {0.00012, 0.00013, 0.0014}},
+    {0.03, {kRosenbrock, kRosenbrock}, {2.8e-05, 7.8e-06, 0.00034}},
+    {0.01, {kRosenbrock, kRosenbrock}, {7.4e-06, 2e-06, 9.8e-05}},
+    {0.003, {kRosenbrock, kRosenbrock}, {2e-06, 4.6e-07, 3.4e-05}},
+    {0.001, {kStabilised, kStabilised}, {5.7e-07, 1.3e-07, 1.3e-05}},
+    {0.0003, {kStabilised, kStabilised}, {1.5e-07, 3e-08, 2.7e-06}},
+    {0.0001, {kStabilised, kStabilised}, {1.3e-08, 8.1e-09, 7.6e-07}},
+    {3e-05, {kStabilised, kStabilised}, {3.5e-09, 2.1e-09, 3.5e-07}},
+    {1e-05, {kStabilised, kStabilised}, {1.2e-09, 6.3e-10, 1.7e-07}},
+    {3e-06, {kStabilised, kStabilised}, {3.2e-10, 1.7e-10, 0}},
+    {1e-06, {kStabilised, kStabilised}, {8.6e-11, 0, 0}},
+}};
+constexpr AccuracyTable kOthers = {kErrorsOfOthers.data(), 11, 119};
+
+constexpr std::array<AccuracyRow, 10> kErrorsOfOthersWithBristles = {{
+    {0.1, {kStabilised, kStabilised}, {5.4e-06, 0, 0}},
+    {0.03, {kStabilised, kStabilised}, {1.3e-06, 0, 0}},
+    {0.01, {kStabilised, kStabilised}, {9e-08, 0, 0}},
+    {0.003, {kStabilised, kStabilised}, {2.4e-08, 0, 0}},
+    {0.001, {kStabilised, kStabilised}, {7e-09, 0, 0}},
+    {0.0003, {kStabilised, kStabilised}, {1.8e-09, 0, 0}},
+    {0.0001, {kStabilised, kStabilised}, {5.2e-10, 0, 0}},
+    {3e-05, {kStabilised, kStabilised}, {1.3e-10, 0, 0}},
+    {1e-05, {kStabilised, kStabilised}, {5.3e-11, 0, 0}},
+    {3e-06, {kStabilised, kStabilised}, {2.2e-11, 0, 0}},
+}};
+constexpr AccuracyTable kOthersWithBristles = {kErrorsOfOthersWithBristles.data(), 10, 44};
 
 }  // namespace dockloop

@@ -92,7 +92,8 @@ std::string DockingSim::Impl::describe_left_out() const {
   if (!setup || parameters.accuracy == 0.0 || fmi_kind == FmiKind::kModelExchange) return {};
   const double place = kQuiescentPlace * chosen.atol_position;
   return dockloop::describe_left_out({find_point_time(), step_loop->find_counters(), place,
-                                      model->contact.pair_count(), points, read_points});
+                                      model->contact.pair_count(), points, read_points,
+                                      parameters.accuracy});
 }
 
 Status DockingSim::Impl::update_bodies() {

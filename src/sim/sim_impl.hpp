@@ -68,6 +68,7 @@ struct DockingSim::Impl : SimState {
   ContactLaw make_contact_law(const ContactLaw& from) const;
   void put_hardware(DockingModel& into) const;
   void choose_frame_O();
+  double find_approach_speed() const;
   void start_sequence();
   bool can_be_quiescent() const;
   bool can_drift() const;

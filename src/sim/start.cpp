@@ -221,6 +221,17 @@ void DockingSim::Impl::choose_frame_O() {
   frame_shift.setZero();
 }
 
+/// Speed of P relative to A at the start, as the parameters state it; 0 without a target [m/s].
+double DockingSim::Impl::find_approach_speed() const {
+  if (!scene->has_target) return 0.0;
+  const auto find_velocity = [this](int i) -> Vec3<double> {
+    const VehicleParameters& p = parameters.vehicle[i];
+    return p.velocity + quat_to_matrix<double>(p.attitude.normalized()) *
+                            p.angular_velocity.cross(p.interface_position);
+  };
+  return (find_velocity(kTarget) - find_velocity(kChaser)).norm();
+}
+
 /// Close the loops at the start of the joints, in small steps from the home pose: a loop keeps the
 /// assembly branch of the home pose.
 Status DockingSim::Impl::bring_joints_to_start() {
@@ -373,7 +384,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
     for (double& time : history.time) time -= setup->t_start;
   }
   model = made;
-  chosen = choose_solver(wanted, setup->tolerance, *model);
+  chosen = choose_solver(wanted, setup->tolerance, *model, find_approach_speed());
   discrete.hard_dock = make_start(model->hard_dock);
   step_loop.reset();  // it refers to the equations
   equations = comparison ? comparison->make_equations(*this) : nullptr;

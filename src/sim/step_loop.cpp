@@ -222,7 +222,11 @@ void StepLoop::count_left_out(double length) {
   LeftOut& left = counted_elsewhere_.left_out;
   ++left.booked_steps;
   left.near_pairs += static_cast<std::int64_t>(state_.memory.near.size());
-  if (state_.discrete.hard_dock.joint.on) left.joined_time += length;
+  if (state_.discrete.hard_dock.joint.on) {
+    left.joined_time += length;
+  } else if (state_.discrete.contacted) {
+    left.free_time += length;
+  }
 }
 
 /// The inner step becomes part of the run. @param changed  set if the integrator must restart

@@ -105,7 +105,8 @@ def make_vehicles(folder: Path) -> dict:
 
 def make_measured_slide(folder: Path) -> dict:
     """A resolved scene of a body on a slide with a law from a table; writes its files."""
-    return resolve_scene(write_slide(folder, make_slide(40.0, make_element(MEASURED)), 0.3))
+    scene = write_slide(folder, make_slide(40.0, make_element(MEASURED)), 0.3)
+    return resolve_scene(Path(scene))
 
 
 def make_seeds() -> dict[str, dict]:

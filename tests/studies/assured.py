@@ -9,12 +9,10 @@ Examples:
     .venv/bin/python tests/studies/assured.py --first 1000 --cases 8 -o build/others.md
 """
 
-import json
 import os
 import time
 from collections import Counter
 from dataclasses import replace
-from multiprocessing.pool import Pool
 from pathlib import Path
 
 import numpy as np
@@ -22,11 +20,11 @@ import numpy as np
 import dockloop as dl
 from dockloop.base.errors import DockloopError, one_line
 from dockloop.base.paths import ROOT
-from dockloop.base.progress import ProgressBar
 from dockloop.result.accuracy import list_tolerances
 from dockloop.result.run_errors import find_worst
 from dockloop.runs.assured import compare
 from page import Table, make_parser, write_page, write_points
+from rows import measure_rows, read_rows
 from unseen import SEED, STOP, draw_docking
 
 PAGE = ROOT / "tests" / "validation" / "assured.md"
@@ -113,29 +111,6 @@ def measure_one(docking, wanted, reference):
     found["assured"] |= {"settings": len(made.list_settings()), "price": made.price}
     found["assured"]["refused"] = made.refused
     return found
-
-
-def read_rows(path, numbers):
-    """Return the rows that a file holds, by number."""
-    if not path.exists():
-        return {}
-    rows = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
-    return {row["number"]: row for row in rows if row["number"] in numbers}
-
-
-def measure_all(numbers, path, workers):
-    """Return the rows of dockings; they are kept in a file."""
-    rows = read_rows(path, numbers)
-    missing = [number for number in numbers if number not in rows]
-    report = ProgressBar("assured")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with Pool(workers) as pool, path.open("a", encoding="utf-8") as file:
-        for row in pool.imap_unordered(measure, missing):
-            file.write(json.dumps(row) + "\n")
-            file.flush()
-            rows[row["number"]] = row
-            report(len(rows) / len(numbers))
-    return [rows[number] for number in numbers]
 
 
 def is_within(found, name, wanted):
@@ -266,7 +241,7 @@ def main():
         known = read_rows(options.rows, numbers)
         rows = [known[number] for number in numbers if number in known]
     else:
-        rows = measure_all(numbers, options.rows, options.workers)
+        rows = measure_rows(measure, numbers, options.rows, options.workers, "assured")
     left = [number for number in numbers if number not in {row["number"] for row in rows}]
     blocks = describe_page(rows, left)
     write_page(options.output, "Assured accuracy", "tests/studies/assured.py", *blocks)

@@ -19,7 +19,9 @@ OWN = ("idss_25t_350t", "hexapod")  # scenes whose legs are drawn, too
 SCENES = (*OWN, "apda", "idss_25t_350t", "probe_drogue", "hexapod")
 STOP, LONG_STOP = 12.0, 30.0  # s; the latter has time for steps of a sequence
 _MOVED = 0.05  # m, most that a point of a leg is moved along an axis
-_SHAPES = ("lateral", "pitch_yaw")
+_FILES = {"idss_25t_350t": "idss_hexapod"}  # of mechanisms with other names than their scenes
+_CHANGE = 2.5  # most that a number of the hardware is multiplied or divided by
+_LAW_NUMBERS = {"slope", "forward", "back", "limit", "preload"}  # of force laws, beside the stages
 
 
 class Docking(NamedTuple):
@@ -30,10 +32,18 @@ class Docking(NamedTuple):
     stop: float
 
 
-def draw_docking(number: int, seed: int = SEED) -> Docking:
-    """Return the docking of a number."""
+def draw_docking(number: int, seed: int | str = SEED, kind: str = "") -> Docking:
+    """Return the docking of a number.
+
+    Args:
+        number: of the docking.
+        seed: numbers of another seed are other dockings.
+        kind: ``own`` for own mechanisms only, ``changed`` for the shipped mechanisms with other
+            springs, dampers, brakes, drives, latches and contacts; empty for own and shipped ones.
+    """
     dice = Dice(f"{seed}/{number}")
-    scene = SCENES[number % len(SCENES)]
+    scenes = {"own": OWN, "changed": tuple(dict.fromkeys(SCENES))}.get(kind, SCENES)
+    scene = scenes[number % len(scenes)]
     keys = {"outputs.groups": GROUPS, "initial.approach_time": 0.5}
     for vehicle, sign in (("chaser", 1.0), ("target", -1.0)):
         keys |= _draw_vehicle(dice, vehicle, sign)
@@ -55,7 +65,9 @@ def draw_docking(number: int, seed: int = SEED) -> Docking:
         keys["contact.friction_model"] = "bristle"
     if dice.draw("has thrust") < 0.3:
         keys["chaser.contact_thrust"] = dice.draw_log("thrust", 50.0, 1500.0)
-    if scene in OWN and number // len(SCENES) % 2 == 0:
+    if kind == "changed":
+        keys |= _change_hardware(dice, scene)
+    elif scene in OWN and (kind == "own" or number // len(SCENES) % 2 == 0):
         keys |= _draw_mechanism(dice, scene)
     return Docking(scene, keys, LONG_STOP if dice.draw("is long") < 1.0 / 3.0 else STOP)
 
@@ -73,12 +85,43 @@ def _draw_vehicle(dice: Dice, vehicle: str, sign: float) -> dict:
     }
 
 
+def _read_mechanism(scene: str) -> dict:
+    file = ROOT / "modelDescription" / "mechanisms" / f"{_FILES.get(scene, scene)}.json"
+    return json.loads(file.read_text(encoding="utf-8"))
+
+
+def _change_hardware(dice: Dice, scene: str) -> dict:
+    """Multiply the numbers of the hardware by factors, one for all numbers of the same meaning."""
+    mechanism = _read_mechanism(scene)
+
+    def change(what: str, value: float) -> float:
+        return float(f"{value * dice.draw_log(what, 1.0 / _CHANGE, _CHANGE):.4g}")
+
+    keys = {}
+    for force in mechanism.get("forces", ()):
+        for place, law in enumerate(force["laws"], 1):
+            name = f"mechanism.set.forces.{force['name']}.laws.{place}"
+            for member in sorted(law.keys() & _LAW_NUMBERS):
+                keys[f"{name}.{member}"] = change(f"{law['type']} {member}", law[member])
+            if "stages" in law:
+                stages = [[at, change("stages", value)] for at, value in law["stages"]]
+                keys[f"{name}.stages"] = stages
+    for part in ("latches", "leg_defaults"):
+        for member in sorted(mechanism.get(part, {}).keys() & {"stiffness", "damping"}):
+            value = mechanism[part][member]
+            keys[f"mechanism.set.{part}.{member}"] = change(f"{part} {member}", value)
+    stiffness = dice.draw_log("contact stiffness", 2e6 / _CHANGE, 2e6 * _CHANGE)
+    keys["contact.stiffness"] = stiffness
+    if mechanism["contact"]["type"] == "guide_ring":
+        keys["contact.node_stiffness"] = stiffness / 12.0
+    return keys
+
+
 def _draw_mechanism(dice: Dice, scene: str) -> dict:
     """Draw the points of all legs and the ring; of passive legs also spring and damper."""
-    name = {"idss_25t_350t": "idss_hexapod", "hexapod": "hexapod"}[scene]
-    file = ROOT / "modelDescription" / "mechanisms" / f"{name}.json"
+    mechanism = _read_mechanism(scene)
     keys = {}
-    for leg in json.loads(file.read_text(encoding="utf-8"))["legs"]:
+    for leg in mechanism["legs"]:
         for point in ("root_point", "closing_point"):
             what = f"{leg['name']} {point}"
             keys[f"mechanism.set.legs.{leg['name']}.{point}"] = [
@@ -86,7 +129,7 @@ def _draw_mechanism(dice: Dice, scene: str) -> dict:
                 for axis, value in zip("xyz", leg[point], strict=True)
             ]
     keys["mechanism.set.bodies.ring.mass"] = dice.draw_log("ring mass", 15.0, 100.0)
-    if name == "idss_hexapod":
+    if "stiffness" in mechanism["leg_defaults"]:
         keys["mechanism.set.leg_defaults.stiffness"] = dice.draw_log("stiffness", 500.0, 2e4)
         keys["mechanism.set.leg_defaults.damping"] = dice.draw_log("damping", 200.0, 8e3)
     return keys
