@@ -266,7 +266,7 @@ def test_with_loads_all_the_time_only_outputs_and_pairs_are_left_out():
 
 @pytest.mark.parametrize(("stop", "is_long"), [(20.0, False), (45.0, True)])
 def test_after_a_long_motion_the_note_says_what_is_not_promised(stop, is_long):
-    keys = {"initial.approach_time": 0.5, "outputs.groups": ["capture", "solver"]}
+    keys = {"initial.approach_time": 0.5, "outputs.groups": ["phase", "solver"]}
     made = dl.run("hexapod", keys, stop=stop, step=0.5, accuracy=1e-2)
     note = made.notes[-1]
     assert ("errors of late peaks and of the final motion can grow" in note) == is_long

@@ -216,10 +216,14 @@ class PeakTracker {
 template <int N>
 class PeakSearch {
  public:
-  /// @param tracker  its last sample is the begin of the step
-  explicit PeakSearch(const PeakTracker<N>& tracker) : tracker_(tracker) {
-    for (int k = 0; k < tracker.count(); ++k) add(tracker.time(k), tracker.value(k));
-    begin_ = count_ - 1;
+  /// @param tracker  its last sample is the begin of the step, unless the tracker left that out:
+  /// the step before was much shorter than those before it
+  PeakSearch(const PeakTracker<N>& tracker, double from, double to) : tracker_(tracker) {
+    constexpr double kSame = 1e-3;  // of the step
+    for (int k = 0; k < tracker.count(); ++k) {
+      if (tracker.time(k) < from - kSame * (to - from)) ++begin_;
+      add(tracker.time(k), tracker.value(k));
+    }
   }
 
   /// A sample in the step. @pre not full
@@ -280,7 +284,8 @@ class PeakSearch {
   }
 
   const PeakTracker<N>& tracker_;
-  int count_ = 0, begin_ = 0;
+  int count_ = 0;
+  int begin_ = 0;  ///< first sample that belongs to the step
   std::array<double, kRoom> time_{};
   std::array<std::array<double, N>, kRoom> value_{};
 };

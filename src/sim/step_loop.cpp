@@ -423,7 +423,7 @@ void StepLoop::search_peaks(double from, double to) {
   };
   const double middle = 0.5 * (from + to);
   if (!evaluate(middle)) return;
-  PeakSearch<kPeakCount> search(peaks);
+  PeakSearch<kPeakCount> search(peaks, state_.elapsed + from, state_.elapsed + to);
   search.add(state_.elapsed + middle, value);
   search.add(state_.elapsed + to, end);
   peaks.add(state_.elapsed + middle, value, false);

@@ -159,7 +159,7 @@ TEST(Peaks, are_searched_in_long_steps) {
         continue;
       }
       const double middle = 0.5 * (begin + t);
-      PeakSearch<2> search(tracker);
+      PeakSearch<2> search(tracker, begin, t);
       search.add(middle, value(middle));
       search.add(t, value(t));
       tracker.add(middle, value(middle), false);
@@ -192,11 +192,35 @@ TEST(Peaks, need_no_evaluation_where_values_fall_or_rise) {
     PeakTracker<1> tracker;
     tracker.start(0.0, value(0.0));
     tracker.add(0.1, value(0.1), false);
-    PeakSearch<1> search(tracker);
+    PeakSearch<1> search(tracker, 0.1, 0.2);
     search.add(0.15, value(0.15));
     search.add(0.2, value(0.2));
     tracker.raise(0.2, value(0.2));
     EXPECT_FALSE(search.find_time(1e-9).has_value());
+  }
+}
+
+// A tiny step (to an event) is no sample of the tracker. The next step was then searched from the
+// sample before: at times before its start, where its polynomial says nothing.
+TEST(Peaks, are_searched_inside_the_step_alone) {
+  const auto value = [](double t) { return std::array<double, 1>{5.0 - (t - 0.8) * (t - 0.8)}; };
+  for (const double tiny : {1e-9, 1e-3, 9e-3}) {
+    PeakTracker<1> tracker;
+    tracker.start(0.0, value(0.0));
+    for (const double t : {0.3, 0.6, 0.9, 0.9 + 0.3 * tiny}) tracker.add(t, value(t), false);
+    const double begin = 0.9 + 0.3 * tiny, end = begin + 0.3 * tiny, middle = 0.5 * (begin + end);
+    EXPECT_EQ(tracker.time(tracker.count() - 1), 0.9);
+    PeakSearch<1> search(tracker, begin, end);
+    // Forces settle inside the step: they are above those of its start.
+    search.add(middle, {5.1});
+    search.add(end, {5.05});
+    for (int k = 0; k < 4; ++k) {
+      const std::optional<double> at = search.find_time(1e-9);
+      if (!at) break;
+      EXPECT_GE(*at, begin);
+      EXPECT_LE(*at, end);
+      search.add(*at, {5.1 + 1e-3 * k});
+    }
   }
 }
 
