@@ -35,7 +35,12 @@ import numpy as np
 import dockloop as dl
 from dockloop.base.errors import DockloopError
 from dockloop.base.paths import ROOT
-from dockloop.result.accuracy import ATOL_PER_RTOL, estimate_error, list_tolerances
+from dockloop.result.accuracy import (
+    ATOL_PER_RTOL,
+    estimate_error,
+    list_tolerances,
+    state_rtol,
+)
 from dockloop.result.run_errors import find_error, find_errors, find_further_figures
 from page import Table, make_parser, write_page
 from rows import measure_rows
@@ -222,12 +227,6 @@ def set_tolerance(method, rtol):
     return {"solver.method": method, **list_tolerances(rtol)}
 
 
-def state_tolerance(method, rtol):
-    """Return the same, with the absolute tolerances that `accuracy` chooses for the docking."""
-    stated = rtol * (1.0 + 1e-9)  # never the default, which would be chosen, too
-    return {"accuracy": 1.0, "solver.method": method, "solver.rtol": stated}
-
-
 def find_reference(case):
     """Return the reference solution; None if surfaces overlap before the first contact."""
     if case.step in STEPS and case.stop == STOP:  # the shipped scenes, at common points
@@ -255,7 +254,7 @@ def run_ladder(case, reference, method):
     errors, costs, seconds = [], [], []
     for rtol in (rtol for rtol in LADDER if rtol >= TIGHTEST.get(method, 0.0)):
         began = time.process_time()
-        made = run(case, state_tolerance(method, rtol))
+        made = run(case, state_rtol(method, rtol, accuracy=1.0))  # absolute ones are chosen
         took = time.process_time() - began
         errors.append(None if made is None else round_error(find_error(reference, made)))
         costs.append(None if made is None else count(made))

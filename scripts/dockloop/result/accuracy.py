@@ -135,6 +135,19 @@ def list_tolerances(rtol: float) -> dict[str, float]:
     }
 
 
+def state_rtol(method: float | str, rtol: float, accuracy: float) -> dict[str, Any]:
+    """Return start values: a method and a relative tolerance.
+
+    Args:
+        method: name or number.
+        rtol: relative tolerance.
+        accuracy: above 0, absolute tolerances that are not stated follow from the docking.
+    """
+    # Never the default: it counts as not stated, and `accuracy` would choose it.
+    stated = rtol if accuracy == 0.0 else rtol * (1.0 + 1e-9)
+    return {"accuracy": accuracy, "solver.method": method, "solver.rtol": stated}
+
+
 _NAMED = ("solver.rtol", "solver.step")  # settings that a sentence names
 
 
@@ -146,19 +159,21 @@ def tighten(run: Result, share: float = _TIGHTER) -> dict[str, float]:
         share: its tolerances are multiplied by; a fixed step by a quarter.
     """
     number = int(run["solver.chosen_method"][-1])
-    tighter: dict[str, float] = {"accuracy": 0.0, "solver.method": number}
     method = next(each for each in list_methods() if each["number"] == number)
     if method["fixed_step"]:
-        return tighter | {"solver.step": _SHORTER * float(run["solver.chosen_step"][-1])}
+        step = _SHORTER * float(run["solver.chosen_step"][-1])
+        return {"accuracy": 0.0, "solver.method": number, "solver.step": step}
+    accuracy = max(0.0, run.parameters["accuracy"])  # real time chooses no tolerances
     used = float(run["solver.chosen_rtol"][-1])
     rtol = max(share * used, min(used, _LEAST_RTOL))
+    tighter = state_rtol(number, rtol, accuracy)
     defaults = schema.list_defaults("scene", "solver")
-    for name, ratio in ATOL_PER_RTOL.items():
+    for name in ATOL_PER_RTOL:
         given = run.parameters[f"solver.{name}"]
-        is_chosen = run.parameters["accuracy"] != 0.0 and given == defaults[name]
-        atol = ratio * used if is_chosen else given * min(1.0, used / run.parameters["solver.rtol"])
-        tighter[f"solver.{name}"] = atol * rtol / used
-    return tighter | {"solver.rtol": rtol}
+        if accuracy == 0.0 or given != defaults[name]:
+            used_too = given * min(1.0, used / run.parameters["solver.rtol"])
+            tighter[f"solver.{name}"] = used_too * rtol / used
+    return tighter
 
 
 def say_outcomes(*runs: Result) -> str:
