@@ -641,15 +641,15 @@ def find_residuals(errors):
         First from the median error of all dockings at this tolerance; second from the error of the
         same docking at the tolerance before, times the best factor.
     """
-    alone, beside = [], []
+    alone, paired = [], []
     for pair in zip(errors.T[:-1], errors.T[1:], strict=True):
         known = np.isfinite(pair[0]) & np.isfinite(pair[1]) & (pair[1] > KNOWN)
         if np.count_nonzero(known) < len(errors) / 2:
             continue
         before, here = (np.log(each[known]) for each in pair)
         alone += list(here - np.median(here))
-        beside += list(here - before - np.median(here - before))
-    return np.array(alone), np.array(beside)
+        paired += list(here - before - np.median(here - before))
+    return np.array(alone), np.array(paired)
 
 
 def describe_one_run(data):
@@ -667,7 +667,7 @@ def describe_one_run(data):
         ]
         table.add(describe_kind(kind), method, *(f"{share:.0%}" for share in shares))
     return [
-        "A looser run beside the run, as a companion inside the FMU, would say little of the error."
+        "A looser run next to the run, as a companion in the FMU, would say little of the error."
         " Share of errors in the calibration that are within a factor of 5 of what is said of them,"
         " with the best factor for each tolerance:",
         table,

@@ -21,7 +21,7 @@ STOP, LONG_STOP = 12.0, 30.0  # s; the latter has time for steps of a sequence
 _MOVED = 0.05  # m, most that a point of a leg is moved along an axis
 _FILES = {"idss_25t_350t": "idss_hexapod"}  # of mechanisms with other names than their scenes
 _CHANGE = 2.5  # most that a number of the hardware is multiplied or divided by
-_LAW_NUMBERS = {"slope", "forward", "back", "limit", "preload"}  # of force laws, beside the stages
+_LAW_NUMBERS = {"slope", "forward", "back", "limit", "preload"}  # of force laws, and the stages
 
 
 class Docking(NamedTuple):
