@@ -125,7 +125,7 @@ bool may_choose(const char* name, bool is_default, SolverChoice& choice) {
 
 /// Tolerances of the method in use. A method without measured errors has those of the best one.
 void choose_tolerances(const Parameters& p, double tolerance, const DockingModel& model,
-                       SolverChoice& c) {
+                       double speed, SolverChoice& c) {
   const AccuracyTable& table = get_table(model);
   const SolverSettings defaults;
   const size_t place = find_place(find_method(c.method, needs_other_matrix(model))->method);
@@ -134,17 +134,21 @@ void choose_tolerances(const Parameters& p, double tolerance, const DockingModel
   const Column column(table, is_measured ? place : find_place(find_best(p, tolerance, table)));
   const double rtol = column.find_rtol(p.accuracy);
   if (may_choose("rtol", p.rtol == defaults.rtol, c)) c.rtol = rtol;
+  const double scale = find_scale(model, speed);
   bool is_in_proportion = true;
   const auto choose = [&](const char* name, bool is_default, double per_rtol, double& value) {
-    if (may_choose(name, is_default, c)) value = per_rtol * c.rtol;
+    if (may_choose(name, is_default, c)) {
+      value = per_rtol * c.rtol;
+      c.atol_scale = scale;
+    }
     is_in_proportion = is_in_proportion && value <= per_rtol * c.rtol;
   };
-  choose("atol_position", p.atol_position == defaults.atol_position, c.scale * kAtolPosition,
+  choose("atol_position", p.atol_position == defaults.atol_position, scale * kAtolPosition,
          c.atol_position);
   const bool is_default_velocity = p.atol_velocity == defaults.atol_velocity;
-  choose("atol_velocity", is_default_velocity, c.scale * kAtolVelocity, c.atol_velocity);
+  choose("atol_velocity", is_default_velocity, scale * kAtolVelocity, c.atol_velocity);
   if (is_default_velocity) c.atol_velocity = std::min(c.atol_velocity, find_velocity_limit(model));
-  choose("atol_energy", p.atol_energy == defaults.atol_energy, c.scale * c.scale * kAtolEnergy,
+  choose("atol_energy", p.atol_energy == defaults.atol_energy, scale * scale * kAtolEnergy,
          c.atol_energy);
   // A smaller tolerance of the host reduces all of them (DockingSim::Impl::make_loop).
   const double used = tolerance > 0.0 ? std::min(tolerance, c.rtol) : c.rtol;
@@ -184,17 +188,15 @@ std::string describe_left_out_motion(const WorkDone& work) {
   return parts;
 }
 
-/// What can be promised after a longer time than the measured dockings took.
+/// What cannot be promised after a longer time than the measured dockings took.
 std::string describe_long_motion(const WorkDone& work) {
-  constexpr double kMeasured = 30.0;  // [s] after first contact, at most
-  const double moved = work.counters.left_out.free_time;
-  if (!(work.accuracy > 0.0) || moved <= kMeasured) return {};
+  const double passed = work.counters.left_out.time_since_contact;
+  if (!(work.accuracy > 0.0) || passed <= kMeasuredTime) return {};
   return format(
-      ". The mechanism moved for %.4g s after first contact, the measured dockings for at most %g "
-      "s. "
+      ". The docking went on for %.4g s after first contact, the measured ones for at most %g s. "
       "Where surfaces rattle in their play, errors of late peaks and of the final motion can grow "
       "beyond accuracy; a second run (--estimate-error) shows them",
-      moved, kMeasured);
+      passed, kMeasuredTime);
 }
 
 }  // namespace
@@ -227,8 +229,7 @@ SolverChoice choose_solver(const Parameters& p, double tolerance, const DockingM
   if (find_method(c.method)->fixed_step) {
     c.needs_step = may_choose("step", p.step == SolverSettings().step, c) && is_real_time;
   } else if (!is_real_time) {
-    c.scale = find_scale(model, speed);
-    choose_tolerances(p, tolerance, model, c);
+    choose_tolerances(p, tolerance, model, speed, c);
   }
   return c;
 }
@@ -253,9 +254,11 @@ std::string describe_choice(const Parameters& p, const SolverChoice& c, const Me
                   p.accuracy, method.name, c.rtol);
   }
   std::string sentence = text;
-  if (c.scale < 1.0) {
-    sentence +=
-        format("; absolute tolerances %.2g times the usual ones for a slow approach", c.scale);
+  if (c.atol_scale < 1.0) {
+    sentence += format(
+        "; absolute tolerances of positions and velocities %.2g times the usual ones: "
+        "a slow approach, or a start at rest",
+        c.atol_scale);
   }
   if (c.error_estimate > 0.0) {
     std::snprintf(text, sizeof text,

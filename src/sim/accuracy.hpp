@@ -21,7 +21,7 @@ namespace dockloop {
 /// Method, tolerances and step in use.
 struct SolverChoice : SolverSettings {
   bool needs_step = false;      ///< `step` follows from the equations at the start
-  double scale = 1.0;           ///< of absolute tolerances: a slow docking is smaller
+  double atol_scale = 1.0;      ///< of chosen absolute tolerances: a slow docking is smaller
   double error_estimate = 0.0;  ///< [-] 95 % of the measured dockings were below; 0 = not known
   std::string stated;           ///< names of explicit settings, with commas
 };
@@ -46,7 +46,7 @@ struct WorkDone {
   double place = 0.0;  ///< largest error of the coordinates of a quiescent mechanism [m]
   int pairs = 0;       ///< of the contact model
   std::int64_t points = 0, read_points = 0;  ///< communication points, and those with outputs
-  double accuracy = 0.0;                     ///< wanted
+  double accuracy = 0.0;                     ///< wanted, of error control; else 0
 };
 
 /// What was left out, and what that is worth, in one sentence; after a long motion in two more, on

@@ -17,6 +17,9 @@ constexpr double kAtolPosition = 0.01;
 constexpr double kAtolVelocity = 0.01;
 constexpr double kAtolEnergy = 0.1;
 
+/// The longest measured docking [s].
+constexpr double kMeasuredTime = 30;
+
 /// Limit between short and long communication steps [s].
 constexpr double kLongStep = 0.05;
 

@@ -136,11 +136,11 @@ struct Snapshot {
 
 /// What the integrator did not have to do since the start.
 struct LeftOut {
-  double quiescent_time = 0.0;    ///< free drift with a quiescent mechanism [s]
-  double joined_time = 0.0;       ///< with a rigid joint between the vehicles [s]
-  double free_time = 0.0;         ///< since first contact, with neither of both [s]
-  std::int64_t booked_steps = 0;  ///< inner steps at which near pairs were counted
-  std::int64_t near_pairs = 0;    ///< contact pairs near enough for a search, sum over these steps
+  double quiescent_time = 0.0;      ///< free drift with a quiescent mechanism [s]
+  double joined_time = 0.0;         ///< with a rigid joint between the vehicles [s]
+  double time_since_contact = 0.0;  ///< made with inner steps after first contact [s]
+  std::int64_t booked_steps = 0;    ///< inner steps at which near pairs were counted
+  std::int64_t near_pairs = 0;  ///< contact pairs near enough for a search, sum over these steps
 };
 
 /// Work of the integrator since the start.

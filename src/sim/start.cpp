@@ -225,6 +225,7 @@ void DockingSim::Impl::choose_frame_O() {
 double DockingSim::Impl::find_approach_speed() const {
   if (!scene->has_target) return 0.0;
   const auto find_velocity = [this](int i) -> Vec3<double> {
+    if (scene->motion[i] == Motion::kFixed) return Vec3<double>::Zero();
     const VehicleParameters& p = parameters.vehicle[i];
     return p.velocity + quat_to_matrix<double>(p.attitude.normalized()) *
                             p.angular_velocity.cross(p.interface_position);

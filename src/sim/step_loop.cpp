@@ -225,7 +225,7 @@ void StepLoop::count_left_out(double length) {
   if (state_.discrete.hard_dock.joint.on) {
     left.joined_time += length;
   } else if (state_.discrete.contacted) {
-    left.free_time += length;
+    left.time_since_contact += length;
   }
 }
 

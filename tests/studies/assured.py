@@ -198,7 +198,7 @@ def describe_page(drawn, left=()):
     scenes = Counter(row["scene"] for row in rows)
     blocks = [
         f"{len(rows)} of {len(drawn) + len(left)} random dockings (`tests/studies/unseen.py`,"
-        f" seed {SEED}) that no table was measured with. They have own guide rings and hexapods,"
+        f" seed {SEED}), others than those of the tables. They have own guide rings and hexapods,"
         " vehicles of 1 to 1000 t, closing speeds of 0.005 to 0.4 m/s, bristles, thrust, sequences."
         f" Scenes: {', '.join(f'{n} of `{name}`' for name, n in scenes.items())}."
         f" The reference solution is that of {REFERENCE[0]} at a tolerance of {REFERENCE[1]:g}."

@@ -1,4 +1,4 @@
-"""Random dockings that no table of this project was measured with: `draw_docking`.
+"""Random dockings under wide conditions: `draw_docking`.
 
 Own mechanisms (guide rings and hexapods with other points of the legs, stiffness, damping and mass
 of the ring) and the shipped families, between vehicles of 1 to 1000 t. They close at 0.005 to

@@ -203,23 +203,35 @@ TEST(Peaks, need_no_evaluation_where_values_fall_or_rise) {
 // A tiny step (to an event) is no sample of the tracker. The next step was then searched from the
 // sample before: at times before its start, where its polynomial says nothing.
 TEST(Peaks, are_searched_inside_the_step_alone) {
-  const auto value = [](double t) { return std::array<double, 1>{5.0 - (t - 0.8) * (t - 0.8)}; };
+  const auto before = [](double t) { return 5.0 - (t - 0.8) * (t - 0.8); };
   for (const double tiny : {1e-9, 1e-3, 9e-3}) {
-    PeakTracker<1> tracker;
-    tracker.start(0.0, value(0.0));
-    for (const double t : {0.3, 0.6, 0.9, 0.9 + 0.3 * tiny}) tracker.add(t, value(t), false);
-    const double begin = 0.9 + 0.3 * tiny, end = begin + 0.3 * tiny, middle = 0.5 * (begin + end);
-    EXPECT_EQ(tracker.time(tracker.count() - 1), 0.9);
-    PeakSearch<1> search(tracker, begin, end);
-    // Forces settle inside the step: they are above those of its start.
-    search.add(middle, {5.1});
-    search.add(end, {5.05});
-    for (int k = 0; k < 4; ++k) {
-      const std::optional<double> at = search.find_time(1e-9);
-      if (!at) break;
-      EXPECT_GE(*at, begin);
-      EXPECT_LE(*at, end);
-      search.add(*at, {5.1 + 1e-3 * k});
+    for (const double place : {0.2, 0.35, 0.65, 0.8}) {  // of the peak in the step
+      PeakTracker<1> tracker;
+      tracker.start(0.0, {before(0.0)});
+      const double begin = 0.9 + 0.3 * tiny, length = 0.3 * tiny, end = begin + length;
+      for (const double t : {0.3, 0.6, 0.9, begin}) tracker.add(t, {before(t)}, false);
+      EXPECT_EQ(tracker.time(tracker.count() - 1), 0.9);  // the begin is no sample
+      // Forces settle inside the step, and rise above all samples before it.
+      const auto value = [&](double t) {
+        const double s = (t - begin) / length - place;
+        return std::array<double, 1>{5.3 - s * s};
+      };
+      PeakSearch<1> search(tracker, begin, end);
+      search.add(begin + 0.5 * length, value(begin + 0.5 * length));
+      search.add(end, value(end));
+      int found = 0;
+      double largest = 0.0;
+      while (!search.is_full()) {
+        const std::optional<double> at = search.find_time(1e-9);
+        if (!at) break;
+        EXPECT_GE(*at, begin);
+        EXPECT_LE(*at, end);
+        search.add(*at, value(*at));
+        largest = std::max(largest, value(*at)[0]);
+        ++found;
+      }
+      EXPECT_GE(found, 1);
+      EXPECT_NEAR(largest, 5.3, 0.02);
     }
   }
 }

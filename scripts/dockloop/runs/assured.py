@@ -289,11 +289,14 @@ def _repeat_tighter(run: Result, repeat: Callable[[dict[str, float]], Result]) -
     failure: DockloopError | None = None
     for settings in _list_tighter(run):
         try:
-            return _Trial(settings, repeat(settings))
+            made = repeat(settings)
         except UsageError:
             raise
         except DockloopError as error:  # of a method that this docking is too hard for
             failure = error
+            continue
+        if _is_tighter(made, run):
+            return _Trial(settings, made)
     if failure:
         raise failure
     return None
@@ -307,6 +310,14 @@ def _list_tighter(run: Result) -> Iterator[dict[str, float]]:
     settings = tighten(run, _SHARE)
     if settings["solver.rtol"] < _CHANGED * _look_up(run, "solver.chosen_rtol"):
         yield settings
+
+
+def _is_tighter(made: Result, before: Result) -> bool:
+    """Return whether a run has other settings: where the measured errors end, the dial has not."""
+    if made["solver.chosen_method"][-1] != before["solver.chosen_method"][-1]:
+        return True
+    rtols = [float(run["solver.chosen_rtol"][-1]) for run in (made, before)]
+    return rtols[0] < _CHANGED * rtols[1]
 
 
 def _is_free(run: Result) -> bool:
