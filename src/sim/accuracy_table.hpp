@@ -53,23 +53,18 @@ constexpr std::array<AccuracyRow, 12> kErrorsOfPassiveRings = {{
 }};
 constexpr AccuracyTable kPassiveRings = {kErrorsOfPassiveRings.data(), 12, 77};
 
-constexpr std::array<AccuracyRow, 12> kErrorsOfPassiveRingsWithBristles = {{
+constexpr std::array<AccuracyRow, 7> kErrorsOfPassiveRingsWithBristles = {{
     {0.1, {kStabilised, kStabilised}, {2.3e-05, 0, 0}},
     {0.03, {kStabilised, kStabilised}, {8.4e-06, 0, 0}},
     {0.01, {kStabilised, kStabilised}, {1.9e-06, 0, 0}},
-    {0.003, {kStabilised, kStabilised}, {6.4e-07, 0, 0}},
-    {0.001, {kStabilised, kStabilised}, {3.3e-07, 0, 0}},
-    {0.0003, {kStabilised, kStabilised}, {1.5e-07, 0, 0}},
-    {0.0001, {kStabilised, kStabilised}, {7.4e-08, 0, 0}},
-    {3e-05, {kStabilised, kStabilised}, {3e-08, 0, 0}},
-    {1e-05, {kStabilised, kStabilised}, {1.3e-08, 0, 0}},
-    {3e-06, {kStabilised, kStabilised}, {2e-09, 0, 0}},
-    {1e-06, {kStabilised, kStabilised}, {6.2e-11, 0, 0}},
-    {3e-07, {kStabilised, kStabilised}, {2.5e-11, 0, 0}},
+    {0.003, {kStabilised, kStabilised}, {5.6e-07, 0, 0}},
+    {0.001, {kStabilised, kStabilised}, {2.3e-07, 0, 0}},
+    {0.0003, {kStabilised, kStabilised}, {7.2e-08, 0, 0}},
+    {0.0001, {kStabilised, kStabilised}, {1e-08, 0, 0}},
 }};
-constexpr AccuracyTable kPassiveRingsWithBristles = {kErrorsOfPassiveRingsWithBristles.data(), 12, 23};
+constexpr AccuracyTable kPassiveRingsWithBristles = {kErrorsOfPassiveRingsWithBristles.data(), 7, 28};
 
-constexpr std::array<AccuracyRow, 11> kErrorsOfOthers = {{
+constexpr std::array<AccuracyRow, 12> kErrorsOfOthers = {{
     {0.1, {kRosenbrock, kRosenbrock}, {0.00012, 0.00013, 0.0014}},
     {0.03, {kRosenbrock, kRosenbrock}, {2.8e-05, 7.8e-06, 0.00034}},
     {0.01, {kRosenbrock, kRosenbrock}, {7.4e-06, 2e-06, 9.8e-05}},
@@ -81,21 +76,17 @@ constexpr std::array<AccuracyRow, 11> kErrorsOfOthers = {{
     {1e-05, {kStabilised, kStabilised}, {1.2e-09, 6.3e-10, 1.7e-07}},
     {3e-06, {kStabilised, kStabilised}, {3.2e-10, 1.7e-10, 0}},
     {1e-06, {kStabilised, kStabilised}, {8.6e-11, 0, 0}},
+    {3.7e-07, {kStabilised, kStabilised}, {1.1e-11, 0, 0}},
 }};
-constexpr AccuracyTable kOthers = {kErrorsOfOthers.data(), 11, 119};
+constexpr AccuracyTable kOthers = {kErrorsOfOthers.data(), 12, 119};
 
-constexpr std::array<AccuracyRow, 10> kErrorsOfOthersWithBristles = {{
+constexpr std::array<AccuracyRow, 5> kErrorsOfOthersWithBristles = {{
     {0.1, {kStabilised, kStabilised}, {5.4e-06, 0, 0}},
     {0.03, {kStabilised, kStabilised}, {1.3e-06, 0, 0}},
     {0.01, {kStabilised, kStabilised}, {9e-08, 0, 0}},
     {0.003, {kStabilised, kStabilised}, {2.4e-08, 0, 0}},
-    {0.001, {kStabilised, kStabilised}, {7e-09, 0, 0}},
-    {0.0003, {kStabilised, kStabilised}, {1.8e-09, 0, 0}},
-    {0.0001, {kStabilised, kStabilised}, {5.2e-10, 0, 0}},
-    {3e-05, {kStabilised, kStabilised}, {1.3e-10, 0, 0}},
-    {1e-05, {kStabilised, kStabilised}, {5.3e-11, 0, 0}},
-    {3e-06, {kStabilised, kStabilised}, {2.2e-11, 0, 0}},
+    {0.0014, {kStabilised, kStabilised}, {1e-08, 0, 0}},
 }};
-constexpr AccuracyTable kOthersWithBristles = {kErrorsOfOthersWithBristles.data(), 10, 44};
+constexpr AccuracyTable kOthersWithBristles = {kErrorsOfOthersWithBristles.data(), 5, 59};
 
 }  // namespace dockloop
