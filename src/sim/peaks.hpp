@@ -218,14 +218,16 @@ class PeakSearch {
  public:
   /// @param tracker  its last sample is the begin of the step, unless the tracker left that out:
   /// the step before was much shorter than those before it
-  PeakSearch(const PeakTracker<N>& tracker, double from, double to)
-      : tracker_(tracker), from_(from) {
+  PeakSearch(const PeakTracker<N>& tracker, double from, double to) : tracker_(tracker) {
     constexpr double kSame = 1e-3;  // of the step
     for (int k = 0; k < tracker.count(); ++k) {
       if (tracker.time(k) < from - kSame * (to - from)) ++begin_;
       add(tracker.time(k), tracker.value(k));
     }
   }
+
+  /// Is the begin of the step no sample? Ask before another one is added.
+  bool lacks_begin() const { return begin_ == count_; }
 
   /// A sample in the step. @pre not full
   void add(double t, const std::array<double, N>& value) {
@@ -271,9 +273,8 @@ class PeakSearch {
     const auto at = [&](double t) {
       return interpolate_samples(&time_[first], n, t, [&](int k) { return value_[first + k][i]; });
     };
-    const bool has_begin = begin_ < tracker_.count();
-    const double left = top > begin_ ? time_[top - 1] : has_begin ? time_[begin_] : from_;
-    return find_largest(left, time_[std::min(top + 1, count_ - 1)], 16, at);
+    const int left = std::max(top - 1, begin_), right = std::min(top + 1, count_ - 1);
+    return find_largest(time_[left], time_[right], 16, at);
   }
 
   /// Is a time not that of a sample?
@@ -286,7 +287,6 @@ class PeakSearch {
   }
 
   const PeakTracker<N>& tracker_;
-  double from_;
   int count_ = 0;
   int begin_ = 0;  ///< first sample that belongs to the step
   std::array<double, kRoom> time_{};

@@ -424,9 +424,11 @@ void StepLoop::search_peaks(double from, double to) {
   const double middle = 0.5 * (from + to);
   if (!evaluate(middle)) return;
   PeakSearch<kPeakCount> search(peaks, state_.elapsed + from, state_.elapsed + to);
+  const bool lacks_begin = search.lacks_begin();
   search.add(state_.elapsed + middle, value);
   search.add(state_.elapsed + to, end);
   peaks.add(state_.elapsed + middle, value, false);
+  if (lacks_begin && evaluate(from)) search.add(state_.elapsed + from, value);
   while (!search.is_full()) {
     const std::optional<double> t = search.find_time(share);
     if (!t || !evaluate(*t - state_.elapsed)) break;

@@ -160,6 +160,7 @@ TEST(Peaks, are_searched_in_long_steps) {
       }
       const double middle = 0.5 * (begin + t);
       PeakSearch<2> search(tracker, begin, t);
+      EXPECT_FALSE(search.lacks_begin());
       search.add(middle, value(middle));
       search.add(t, value(t));
       tracker.add(middle, value(middle), false);
@@ -217,8 +218,10 @@ TEST(Peaks, are_searched_inside_the_step_alone) {
         return std::array<double, 1>{5.3 - s * s};
       };
       PeakSearch<1> search(tracker, begin, end);
+      EXPECT_TRUE(search.lacks_begin());
       search.add(begin + 0.5 * length, value(begin + 0.5 * length));
       search.add(end, value(end));
+      search.add(begin, value(begin));
       int found = 0;
       double largest = 0.0;
       while (!search.is_full()) {
