@@ -37,7 +37,7 @@ struct AccuracyTable {
   int dockings;  ///< that were measured
 };
 
-constexpr std::array<AccuracyRow, 12> kErrorsOfPassiveRings = {{
+constexpr std::array<AccuracyRow, 12> kRowsOfPassiveRings = {{
     {0.1, {kRosenbrock, kRosenbrock}, {0.00036, 0.0023, 0.0057}},
     {0.03, {kRosenbrock, kRosenbrock}, {0.00012, 0.00033, 0.0028}},
     {0.01, {kRosenbrock, kRosenbrock}, {5.5e-05, 2.7e-05, 0.0015}},
@@ -51,9 +51,9 @@ constexpr std::array<AccuracyRow, 12> kErrorsOfPassiveRings = {{
     {1e-06, {kStabilised, kStabilised}, {6.3e-09, 2.2e-10, 2.8e-07}},
     {3e-07, {kStabilised, kStabilised}, {1.5e-09, 0, 0}},
 }};
-constexpr AccuracyTable kPassiveRings = {kErrorsOfPassiveRings.data(), 12, 77};
+constexpr AccuracyTable kPassiveRings = {kRowsOfPassiveRings.data(), 12, 77};
 
-constexpr std::array<AccuracyRow, 7> kErrorsOfPassiveRingsWithBristles = {{
+constexpr std::array<AccuracyRow, 7> kRowsOfPassiveRingsWithBristles = {{
     {0.1, {kStabilised, kStabilised}, {2.3e-05, 0, 0}},
     {0.03, {kStabilised, kStabilised}, {8.4e-06, 0, 0}},
     {0.01, {kStabilised, kStabilised}, {1.9e-06, 0, 0}},
@@ -62,9 +62,9 @@ constexpr std::array<AccuracyRow, 7> kErrorsOfPassiveRingsWithBristles = {{
     {0.0003, {kStabilised, kStabilised}, {7.2e-08, 0, 0}},
     {0.0001, {kStabilised, kStabilised}, {1e-08, 0, 0}},
 }};
-constexpr AccuracyTable kPassiveRingsWithBristles = {kErrorsOfPassiveRingsWithBristles.data(), 7, 28};
+constexpr AccuracyTable kPassiveRingsWithBristles = {kRowsOfPassiveRingsWithBristles.data(), 7, 28};
 
-constexpr std::array<AccuracyRow, 12> kErrorsOfOthers = {{
+constexpr std::array<AccuracyRow, 12> kRowsOfOthers = {{
     {0.1, {kRosenbrock, kRosenbrock}, {0.00012, 0.00013, 0.0014}},
     {0.03, {kRosenbrock, kRosenbrock}, {2.8e-05, 7.8e-06, 0.00034}},
     {0.01, {kRosenbrock, kRosenbrock}, {7.4e-06, 2e-06, 9.8e-05}},
@@ -78,15 +78,15 @@ constexpr std::array<AccuracyRow, 12> kErrorsOfOthers = {{
     {1e-06, {kStabilised, kStabilised}, {8.6e-11, 0, 0}},
     {3.7e-07, {kStabilised, kStabilised}, {1.1e-11, 0, 0}},
 }};
-constexpr AccuracyTable kOthers = {kErrorsOfOthers.data(), 12, 119};
+constexpr AccuracyTable kOthers = {kRowsOfOthers.data(), 12, 119};
 
-constexpr std::array<AccuracyRow, 5> kErrorsOfOthersWithBristles = {{
+constexpr std::array<AccuracyRow, 5> kRowsOfOthersWithBristles = {{
     {0.1, {kStabilised, kStabilised}, {5.4e-06, 0, 0}},
     {0.03, {kStabilised, kStabilised}, {1.3e-06, 0, 0}},
     {0.01, {kStabilised, kStabilised}, {9e-08, 0, 0}},
     {0.003, {kStabilised, kStabilised}, {2.4e-08, 0, 0}},
     {0.0014, {kStabilised, kStabilised}, {1e-08, 0, 0}},
 }};
-constexpr AccuracyTable kOthersWithBristles = {kErrorsOfOthersWithBristles.data(), 5, 59};
+constexpr AccuracyTable kOthersWithBristles = {kRowsOfOthersWithBristles.data(), 5, 59};
 
 }  // namespace dockloop

@@ -433,7 +433,7 @@ def make_table(data):
     for kind in KINDS:
         of_kind = select(data, kind)
         rows = make_rows(of_kind)
-        name = f"kErrorsOf{kind.removeprefix('k')}"
+        name = f"kRowsOf{kind.removeprefix('k')}"
         tables += [
             f"constexpr std::array<AccuracyRow, {len(rows)}> {name} = {{{{",
             *rows,
