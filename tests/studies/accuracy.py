@@ -525,6 +525,15 @@ def find_estimate(case, made):
         return {}
 
 
+REFUSED = {  # what is found of a run that fails
+    "error": math.inf,
+    "early_error": math.inf,
+    "figures": {},
+    "evaluations": None,
+    "seconds": math.nan,
+}
+
+
 def check_case(number):
     """Return errors, costs and estimates; without a start or a reference, which is missing."""
     case = draw_case(number)
@@ -539,7 +548,7 @@ def check_case(number):
         made = run(case, {"accuracy": accuracy})
         took = time.process_time() - began
         if made is None:
-            row[str(accuracy)] = {"error": np.inf, "evaluations": None, "seconds": np.nan}
+            row[str(accuracy)] = dict(REFUSED)
             continue
         found = {"error": find_error(reference, made), "evaluations": count(made), "seconds": took}
         found["promise"] = float(made["solver.error_estimate"][-1])
@@ -651,7 +660,8 @@ def describe_long(rows):
 
 def find_ratios(found):
     """Return the estimates over the errors."""
-    return np.array([e["estimate"] / e["error"] for e in found if e["estimate"] is not None])
+    known = [each for each in found if each.get("estimate") is not None]
+    return np.array([each["estimate"] / each["error"] for each in known])
 
 
 def describe_real_time(rows, of):
