@@ -28,6 +28,7 @@ import random
 import time
 from collections import Counter
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -43,6 +44,7 @@ from dockloop.result.accuracy import (
     state_rtol,
 )
 from dockloop.result.run_errors import find_error, find_errors, find_further_figures
+from finer import run_finely
 from page import Table, make_parser, write_page
 from rows import measure_rows
 from unseen import draw_docking
@@ -65,7 +67,6 @@ TIGHTEST_WITH_BRISTLES = 1e-9
 REFERENCE = ("bdf", 1e-11)  # method and tolerance of the reference solution: errors below 1e-7
 REFERENCE_WITH_BRISTLES = ("explicit", 1e-12, 1e-11, 1e-10, 1e-9)  # the first that runs
 TIGHTER = 10.0  # a reference solution with bristles has at most a tenth of the tolerance
-LONGEST = 0.05  # s, a communication step of reference solutions
 KNOWN = 1e-7  # smaller errors may be those of the reference solution: a ladder ends there
 WANTED = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6, 3e-7)  # rows
 SHARES = (0.95, 0.98)  # promised: MARGIN times the error of 95 %, about 98 % within WORST times
@@ -217,12 +218,17 @@ def draw_approach(draw):
     return keys
 
 
-def run(case, start_values, step=None, **options):
+def make_run(case, start_values, step=None, **options):
+    """Run a docking. Raises DockloopError: its start is refused, or a step fails."""
+    return dl.run(
+        case.scene, case.keys, start_values, stop=case.stop, step=step or case.step, **options
+    )
+
+
+def run(case, start_values):
     """Run a docking; None if its start is refused or a step fails."""
     try:
-        return dl.run(
-            case.scene, case.keys, start_values, stop=case.stop, step=step or case.step, **options
-        )
+        return make_run(case, start_values)
     except DockloopError:
         return None
 
@@ -243,12 +249,13 @@ def find_reference(case):
     Where bristles chatter, steps of the tightest tolerances become too small, and the next one is
     tried. Without a solution: None, and an infinite tolerance.
     """
-    parts = max(1, round(case.step / LONGEST))  # the work of a communication step is limited
     method, *tolerances = REFERENCE_WITH_BRISTLES if has_bristles(case) else REFERENCE
     for rtol in tolerances:
-        made = run(case, set_tolerance(method, rtol), case.step / parts)
-        if made is not None:
-            return replace(made, values=made.values[::parts]), rtol
+        start = set_tolerance(method, rtol)
+        try:
+            return run_finely(partial(make_run, case, start), case.step), rtol
+        except DockloopError:
+            continue
     return None, math.inf
 
 
@@ -336,10 +343,8 @@ def find_promises(data, method):
     return np.maximum.accumulate(promises[::-1])[::-1]  # a tighter tolerance promises no more
 
 
-def find_rtol(data, method, wanted):
+def find_rtol(ladder, promises, wanted):
     """Return the tolerance for a wanted error, interpolated; None: no tolerance is tight enough."""
-    promises = find_promises(data, method)
-    ladder = data["rtol"][: len(promises)]
     if not len(promises) or promises[-1] > wanted:
         return None
     first = int(np.argmax(promises <= wanted))
@@ -375,10 +380,11 @@ def list_rows(data):
     does not reach this error. Costs are seconds by method, for both steps.
     """
     rows = []
-    least = min(find_promises(data, method)[-1] for method in data["methods"])
+    promises = {method: find_promises(data, method) for method in data["methods"]}
+    least = min(each[-1] for each in promises.values() if len(each))
     last = [float(f"{1.05 * least:.2g}")] if least > WANTED[-1] else []  # the least, a last row
     for wanted in sorted((*WANTED, *last), reverse=True):
-        rtols = {method: find_rtol(data, method, wanted) for method in data["methods"]}
+        rtols = {m: find_rtol(data["rtol"], each, wanted) for m, each in promises.items()}
         reached = {method: rtol for method, rtol in rtols.items() if rtol}
         if not reached:
             break
@@ -515,12 +521,8 @@ def is_estimated(number):
 
 def find_estimate(case, made):
     """Return the estimate of an error by a second run; nothing if that run is refused."""
-
-    def repeat(start):
-        return dl.run(case.scene, case.keys, start, stop=case.stop, step=case.step)
-
     try:
-        return {"estimate": estimate_error(made, repeat)["error"]}
+        return {"estimate": estimate_error(made, partial(make_run, case))["error"]}
     except DockloopError:
         return {}
 

@@ -12,7 +12,6 @@ Examples:
 import os
 import time
 from collections import Counter
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +22,7 @@ from dockloop.base.paths import ROOT
 from dockloop.result.accuracy import list_tolerances
 from dockloop.result.run_errors import find_worst
 from dockloop.runs.assured import compare
+from finer import run_finely
 from page import Table, make_parser, write_page, write_points
 from rows import measure_rows, read_rows
 from unseen import SEED, STOP, draw_docking
@@ -32,7 +32,6 @@ CASES = 40
 WANTED = (1e-2, 1e-3)
 REFERENCE = ("bdf", 1e-9)  # method and tolerance of the reference solution
 LIMIT = 15.0  # s of processor time of a reference solution
-LONGEST = 0.05  # s, a communication step of the reference solution
 KINDS = {  # of dockings, on the page
     "all": lambda row: True,
     "own mechanisms": lambda row: row["is_own"],
@@ -45,8 +44,6 @@ KINDS = {  # of dockings, on the page
 
 def solve(docking):
     """Return the reference solution at the communication points of a docking."""
-    step = docking.keys["experiment.step"]
-    parts = max(1, round(step / LONGEST))
     settings = {"solver.method": REFERENCE[0], **list_tolerances(REFERENCE[1])}
     until = time.process_time() + LIMIT
 
@@ -54,15 +51,12 @@ def solve(docking):
         if time.process_time() > until:
             raise DockloopError(f"it needs more than {LIMIT:g} s of processor time")
 
-    made = dl.run(
-        docking.scene,
-        docking.keys,
-        settings,
-        stop=docking.stop,
-        step=step / parts,
-        progress=watch,
-    )
-    return replace(made, values=made.values[::parts])
+    def run(step):
+        return dl.run(
+            docking.scene, docking.keys, settings, stop=docking.stop, step=step, progress=watch
+        )
+
+    return run_finely(run, docking.keys["experiment.step"])
 
 
 def find_error(reference, run):
