@@ -16,6 +16,7 @@ from vehicles import ARRAYS, HUB, SLOSH, TANK, FlexibleHost
 MASS, INERTIA, ARM = 25e3, np.array([60.5e3, 132e3, 132e3]), np.array([3.72, 0.0, 0.0])
 MOTION = ("position", "velocity", "attitude", "angular_velocity")
 TURNED = np.array([0.8, 0.2, -0.4, 0.4])  # attitude of the frame of the scene in N
+X_HALF = np.array([0.0, 1.0, 0.0, 0.0])  # half a turn about x
 
 
 def multiply(a, b):
@@ -33,6 +34,24 @@ def late(count):
     """A function of loads that returns those of `count` steps earlier."""
     queue = [(np.zeros(3), np.zeros(3))] * count
     return lambda f, t, q: (queue.append((f, t)), queue.pop(0))[1]
+
+
+def mixed(share):
+    """A function of loads that act late by a share of a step."""
+    before = [np.zeros(3), np.zeros(3)]
+
+    def act(f, t, q):
+        mean = [(1 - share) * new + share * old for new, old in zip((f, t), before, strict=True)]
+        before[:] = f, t
+        return mean
+
+    return act
+
+
+def held(count):
+    """A function of reports that returns a new motion in every `count`-th step only."""
+    reports = []
+    return lambda *z: (reports.append(z), reports[(len(reports) - 1) // count * count])[1]
 
 
 def old(count):
@@ -54,8 +73,12 @@ def dock(
     goes_on=False,
     scene="idss_25t_350t",
     orbit=None,
+    starts=False,
 ):
-    """Couple a host with a docking, until it is diagnosed unless it goes on; return the docking."""
+    """Couple a host with a docking, until it is diagnosed unless it goes on; return the docking.
+
+    The first report is a start value, unless the docking starts before it.
+    """
     driven = {"chaser.motion": "driven", "initial.approach_time": 0.5, "coupling.mode": "parallel"}
     docking = dl.Docking(scene, driven | (overrides or {}))
     mass, inertia = docking.get("chaser.mass"), np.array(docking.get("chaser.inertia"))[:3]
@@ -70,6 +93,8 @@ def dock(
     for name, value in {"coupling.expected_step": step, **(settings or {})}.items():
         docking.set(name, value)
     p, v, q, w = (np.array(docking.get(f"chaser.{name}")) for name in MOTION)
+    if starts:
+        docking.record([docking.time])
     for _ in range(round(stop / step)):
         f, t = (np.array(docking.get(f"chaser.{name}_mean")) for name in ("force", "torque"))
         for name, value in zip(MOTION, report(p, v, q, w) if report else (p, v, q, w), strict=True):
@@ -123,6 +148,24 @@ LOADS = {
     "torque point": lambda f, t, q: (f, t + np.cross(ARM, turn(inverse(q), f))),
     "unreported force": lambda f, t, q: (f + turn(q, np.array([20.0, 0, 0])), t),
     "unreported torque": lambda f, t, q: (f, t + np.array([0, 40.0, 0])),
+    "force axes": lambda f, t, q: (f * [1, -1, -1], t),
+    "torque axes": lambda f, t, q: (f, np.roll(t, 1)),
+}
+STARTS = {  # mistakes of the first report, and words of the sentence
+    "velocity unit": (lambda p, v, q, w: (p, 1000 * v, q, w), "0.001 m/s"),
+    "velocity missing": (lambda p, v, q, w: (p, 0 * v, q, w), "velocity is 0"),
+    "position unit": (lambda p, v, q, w: (1000 * p, 1000 * v, q, w), "0.001 m"),
+    "position axes": (lambda p, v, q, w: (np.roll(p, 1), np.roll(v, 1), q, w), "exchanged"),
+    "first position": (lambda p, v, q, w: (p + [0.3, 0, 0], v, q, w), "0.3 m away"),
+    "quaternion order": (REPORTS["quaternion order"], "order x, y, z, w:"),
+    "quaternion inverse": (REPORTS["quaternion inverse"], "attitude is the attitude of N in"),
+    "quaternion order and inverse": (REPORTS["quaternion order and inverse"], ", and is the"),
+    "first attitude": (lambda p, v, q, w: (p, v, multiply(q, X_HALF), w), "3.14 rad"),
+}
+ATTITUDES = {
+    "turned": TURNED,
+    "as N": np.array([1.0, 0, 0, 0]),
+    "half": np.array([1, -7, 1, 7]) / 10,
 }
 STATED = {
     "mass": {"chaser.mass": 0.5 * MASS},
@@ -147,6 +190,39 @@ def test_a_wrong_report_is_named(name):
 @pytest.mark.parametrize("name", LOADS)
 def test_a_wrong_load_is_named(name, step):
     assert_named(dock(step, loads=LOADS[name], stop=4.0), name)
+
+
+@pytest.mark.parametrize("step", [0.01, 0.1])
+def test_a_load_that_no_single_mistake_explains_is_named_so(step):
+    along_x = dock(step, loads=lambda f, t, q: (f * [1, 0, 0], t), stop=4.0)
+    assert_named(along_x, "unexplained")
+
+
+@pytest.mark.parametrize("attitude", ATTITUDES)
+@pytest.mark.parametrize("name", STARTS)
+def test_a_first_report_that_is_not_the_start_is_named(name, attitude):
+    """Where surfaces would overlap there, the refusal says so."""
+    report, words = STARTS[name]
+    try:
+        docking = dock(0.01, report=report, attitude=ATTITUDES[attitude], starts=True)
+    except dl.DockloopError as error:
+        assert words in str(error).split("a cause may be that ")[1]
+    else:
+        assert_named(docking, name)
+        assert words in docking.warnings[0], docking.warnings
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("attitude", ["as N", "half"])
+@pytest.mark.parametrize("step", [0.01, 0.1])
+def test_mistakes_are_named_in_other_attitudes(attitude, step):
+    options = {"stop": 4.0, "attitude": ATTITUDES[attitude]}
+    wrong = [(name, {"report": report}) for name, report in REPORTS.items()]
+    wrong += [(name, {"loads": load}) for name, load in LOADS.items()]
+    for name, mistake in wrong:
+        if (name, attitude) == ("quaternion inverse", "as N"):
+            continue  # a start state that is refused
+        assert_named(dock(step, **mistake, **options), name)
 
 
 @pytest.mark.parametrize("step", [0.01, 0.1])
@@ -185,11 +261,32 @@ def test_arrays_and_slosh_are_a_flexible_part_not_another_inertia(vehicle, lowes
     assert 0.97 * lowest < docking.get("coupling.diagnosis_value") < 1.03 * highest
 
 
+def test_an_inertia_in_another_unit_is_named():
+    docking = dock(0.01, settings={"chaser.inertia": [*(1e6 * INERTIA), 0, 0, 0]})
+    assert_named(docking, "inertia")
+    assert docking.get("coupling.diagnosis_value") == pytest.approx(-1.0, abs=1e-3)
+
+
 @pytest.mark.parametrize("stated", [25.0, 25e6])
 def test_a_mass_in_another_unit_is_not_taken_for_a_force(stated):
     docking = dock(0.01, settings={"chaser.mass": stated})
     assert_named(docking, "mass")
     assert "25000 kg, but" in docking.warnings[0], docking.warnings
+
+
+@pytest.mark.parametrize("scene", ["idss_25t_350t", "apda", "probe_drogue"])
+@pytest.mark.parametrize(("step", "share"), [(0.01, 0.25), (0.02, 0.5), (0.1, 0.25), (0.1, 0.75)])
+def test_a_delay_of_a_part_of_a_step_is_named_with_its_length(scene, step, share):
+    docking = dock(step, stop=4.0, loads=mixed(share), scene=scene)
+    assert_named(docking, "delay")
+    assert docking.get("coupling.diagnosis_value") == pytest.approx(share * step)
+
+
+@pytest.mark.parametrize("count", [2, 5])
+def test_a_host_with_longer_steps_is_named(count):
+    docking = dock(0.01, report=held(count))
+    assert_named(docking, "motion held")
+    assert docking.get("coupling.diagnosis_value") == pytest.approx(0.01 * count)
 
 
 @pytest.mark.parametrize("make", [late, old], ids=["loads", "motion"])

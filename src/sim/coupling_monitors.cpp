@@ -23,6 +23,9 @@ constexpr double kCreatedError = 0.3;        ///< the same, for a refusal
 constexpr int kLoadedSteps = 10;             ///< until identified numbers are a diagnosis
 constexpr double kModeTime = 2.0;            ///< with loads: until then a mode may show [s]
 constexpr double kCentreShare = 0.01;        ///< of the radius of gyration, for a wrong centre
+constexpr double kHeldShare = 1e-12;         ///< of 1 m and the distance: motion that shows
+constexpr double kSeenInnovation = 1e-2;     ///< that a refusal mentions [m/s] ...
+constexpr double kSeenAngle = 1e-3;          ///< ... and of the first attitude [rad]
 constexpr double kHeldGrowth = 0.1;          ///< growth per step that damping holds, a guess [-]
 
 /// Is a fault one of the ten numbers?
@@ -158,6 +161,8 @@ HostFinding HostCoupling::judge(int i, const VehicleState& z) {
                           h,          (z.v - v.received.v).norm(),
                           z.v.norm(), setup_->parameters.vehicle[i].interface_position};
     found = judge_motion(pair, keep, sums);
+  } else if (h * v.input.velocity.norm() > kHeldShare * (1.0 + v.input.position.norm())) {
+    note_held_motion(sums);
   }
   if (v.since < v.restated) return found;  // a report of the mass before
   LoadStep step;
@@ -219,16 +224,41 @@ HostFinding HostCoupling::explain_by_body(int i, const HostFinding& by_loads) co
   return by_loads.fault == kWrongMass || std::abs(mass.value) == body ? mass : inertia;
 }
 
+std::string HostCoupling::describe(int i, const HostFinding& found, double h) const {
+  const Parameters& stated = setup_->parameters;
+  const double delay =
+      found.fault == kMotionAge ? stated.coupling_motion_delay : stated.coupling_delay;
+  return describe_finding(found, get_vehicle_name(i), h, state_.coupling.vehicle[i].stated.mass,
+                          delay);
+}
+
+std::string HostCoupling::explain_refusal() const {
+  for (int i : {kChaser, kTarget}) {
+    if (!model_->driven[i]) continue;
+    const DrivenVehicle& v = state_.coupling.vehicle[i];
+    const std::string cause = "; a cause may be that ";
+    HostFinding found = v.finding;
+    const double first_angle = state_.coupling.reports[static_cast<size_t>(i)].first_angle;
+    const bool is_first = !(state_.last_step > 0.0);
+    if (found.fault == kHostRight && is_first && first_angle > kSeenAngle) {
+      found = {kFirstAttitude, first_angle};
+    }
+    if (found.fault != kHostRight) return cause + describe(i, found, state_.last_step);
+    if (!(v.innovation > kSeenInnovation)) continue;
+    char text[120];
+    std::snprintf(text, sizeof text, "the last report of %s is %.3g m/s away from its prediction",
+                  get_vehicle_name(i), v.innovation);
+    return cause + text;
+  }
+  return {};
+}
+
 /// The first cause is named; later ones may be its consequences.
 void HostCoupling::diagnose(int i, const HostFinding& found, double h) {
   DrivenVehicle& v = state_.coupling.vehicle[i];
   if (v.finding.fault != kHostRight || found.fault == kHostRight) return;
   v.finding = found;
-  const double mass = v.stated.mass;
-  std::string text =
-      describe_finding(found, get_vehicle_name(i), h, mass,
-                       found.fault == kMotionAge ? setup_->parameters.coupling_motion_delay
-                                                 : setup_->parameters.coupling_delay);
+  std::string text = describe(i, found, h);
   if (is_body(found.fault)) {
     text += is_identified(i) ? "; the prediction uses the identified value (coupling.identify)"
                              : "; loads are right to first order of the step only";

@@ -191,8 +191,8 @@ bool fits(const CouplingState& coupling, const CouplingState& fresh, const Scene
     return a.entry.size() == b.entry.size() && a.count >= std::min(size, 1) && a.count <= size;
   };
   const auto have_places = [](const ReportSums& a, const ReportSums& b) {
-    return a.held.size() == b.held.size() && a.force.late2.size() == b.force.late2.size() &&
-           a.torque.late2.size() == b.torque.late2.size();
+    return a.held.size() == b.held.size() && a.force.late.size() == b.force.late.size() &&
+           a.torque.late.size() == b.torque.late.size();
   };
   bool fine = coupling.reports.size() == fresh.reports.size();
   for (size_t i = 0; fine && i < coupling.vehicle.size(); ++i) {

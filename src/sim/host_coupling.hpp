@@ -94,6 +94,9 @@ class HostCoupling {
   /// Vehicle that outputs show: if both have a diagnosis, the one with the larger error. Else the
   /// one with a diagnosis; else the chaser, or the only vehicle with a host.
   int find_shown_vehicle() const;
+  /// What reports say about a step that has been refused: a clause, or nothing. @pre the state of
+  /// the refusal
+  std::string explain_refusal() const;
   /// Is the prediction made with identified numbers?
   bool is_identified(int vehicle) const;
   /// Highest frequency of mechanism, contact and latches between the vehicles [rad/s].
@@ -146,6 +149,7 @@ class HostCoupling {
   /// The driven vehicle with the larger error of reports, relative to what it reports.
   int find_worse_vehicle() const;
   double find_stable_step(double frequency) const;
+  std::string describe(int vehicle, const HostFinding& found, double h) const;
   void diagnose(int vehicle, const HostFinding& found, double h);
   void note_step(int vehicle, const Wrench<double>& exerted, const VehicleState& start,
                  const VehicleState& end, double h);

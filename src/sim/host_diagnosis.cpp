@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <optional>
+#include <utility>
 
 #include "math/decompositions.hpp"
 #include "math/rotation.hpp"
@@ -34,6 +36,7 @@ constexpr double kPointRank = 1e-6;        ///< of squares of turns: a part of a
 constexpr int kEnoughSteps = 10;            ///< with loads
 constexpr double kDelayTime = 0.3;          ///< with loads: until then they may be late [s]
 constexpr int kUnexplainedSteps = 50;       ///< with loads, without an alternative that fits
+constexpr double kUnexplainedTime = 1.5;    ///< the same, of long steps [s]
 constexpr int kUnmodelledSteps = 5;         ///< consecutive
 constexpr double kUnmodelledTime = 0.0499;  ///< of these steps, with rounding [s]
 constexpr double kLeastError = 1e-5;        ///< of predicted changes, for loads in another step
@@ -100,6 +103,27 @@ bool is_close(const Vec3<double>& a, const Vec3<double>& b) {
   return (a - b).norm() < kSameShare * b.norm();
 }
 
+/// f(axes) for all axes that are exchanged, reversed or both; all three reversed are another sign.
+template <class F>
+void for_each_other_axes(const F& f) {
+  int order[] = {0, 1, 2};
+  do {
+    for (int signs = 0; signs < 8; ++signs) {
+      Mat3<double> axes = Mat3<double>::Zero();
+      for (int k = 0; k < 3; ++k) axes(k, order[k]) = (signs >> k) & 1 ? -1.0 : 1.0;
+      if (std::abs(axes.trace()) < 3.0) f(axes);
+    }
+  } while (std::next_permutation(std::begin(order), std::end(order)));
+}
+
+bool is_in_other_axes(const Vec3<double>& reported, const Vec3<double>& right) {
+  const double most = kSameShare * (reported - right).norm();
+  bool found = false;
+  for_each_other_axes(
+      [&](const Mat3<double>& axes) { found = found || (axes * reported - right).norm() < most; });
+  return found;
+}
+
 /// The reading with the least error, if this error is a small part of the error as reported.
 template <size_t count>
 size_t find_reading(const std::array<double, count>& error2) {
@@ -120,27 +144,38 @@ double find_felt(const ResponseSums& r) {
 
 /// Adds a step to the sums.
 /// @param effects  change of the response if the load acts in another way
-/// @param late_effect  the same for the load of another step (find_late_steps)
+/// @param late_effect  the same for the load of another step (places of ResponseSums::late)
 template <size_t count, class Late>
 void add_response(ResponseSums& r, const Vec3<double>& change, const Vec3<double>& error, double h,
                   double keep, bool is_loaded, const std::array<Vec3<double>, count>& effects,
                   const Late& late_effect) {
   static_assert(count <= std::tuple_size_v<decltype(r.left2)>);
   for (double* sum : {&r.change2, &r.product, &r.error2, &r.time2}) *sum *= keep;
-  for (Vec3<double>* sum : {&r.axis_change2, &r.axis_product, &r.constant}) *sum *= keep;
+  for (Mat3<double>* sum : {&r.axis_change2, &r.axis_product}) *sum *= keep;
+  r.constant *= keep;
   for (double& sum : r.left2) sum *= keep;
-  for (double& sum : r.late2) sum *= keep;
+  for (LateSums& sums : r.late) {
+    sums.left2 *= keep;
+    sums.product *= keep;
+  }
   if (!is_loaded) return;
   ++r.loaded;
   r.change2 += change.squaredNorm();
   r.product += error.dot(change);
   r.error2 += error.squaredNorm();
-  r.axis_change2 += change.cwiseAbs2();
-  r.axis_product += error.cwiseProduct(change);
+  r.axis_change2 += change * change.transpose();
+  r.axis_product += error * change.transpose();
   r.constant += h * error;
   r.time2 += h * h;
   for (size_t i = 0; i < count; ++i) r.left2[i] += (error - effects[i]).squaredNorm();
-  for (size_t i = 0; i < r.late2.size(); ++i) r.late2[i] += (error - late_effect(i)).squaredNorm();
+  Vec3<double> nearer = error;
+  for (size_t i = 0; i < r.late.size(); ++i) {
+    if (i == kLateLoads) nearer = error;
+    const Vec3<double> left = error - late_effect(i);
+    r.late[i].left2 += left.squaredNorm();
+    r.late[i].product += left.dot(nearer);
+    nearer = left;
+  }
 }
 
 /// The alternative that leaves the least of the squares of errors.
@@ -157,6 +192,17 @@ class Search {
     const Vec3<double> mean = sums_.constant / sums_.time2;
     const double left = sums_.error2 - mean.dot(sums_.constant);
     if (left < kConstant * sums_.error2) consider(left, fault, mean.norm());
+  }
+  /// The load acts with its axes exchanged or reversed. @param inertia  loads are mass or inertia
+  /// times changes
+  void consider_axes(int fault, const Mat3<double>& inertia) {
+    const Mat3<double> inverse = invert(inertia);
+    for_each_other_axes([&](const Mat3<double>& axes) {
+      const Mat3<double> more = inverse * (axes - Mat3<double>::Identity()) * inertia;
+      const double left = sums_.error2 - 2.0 * more.cwiseProduct(sums_.axis_product).sum() +
+                          (more * sums_.axis_change2).cwiseProduct(more).sum();
+      consider(std::max(left, kNothing * sums_.error2), fault);  // no better than an equal cause
+    });
   }
   const HostFinding& found() const { return found_; }
 
@@ -203,11 +249,12 @@ HostFinding explain_force(const LoadStep& step, const ResponseSums& r) {
   }
   search.consider(r.left2[0], kForceInBody);
   search.consider(r.left2[1], kForceTurned);
+  search.consider_axes(kForceAxes, Mat3<double>::Identity());
   search.consider_constant(kUnreportedForce);
   return search.found();
 }
 
-HostFinding explain_torque(double h, const ResponseSums& r) {
+HostFinding explain_torque(const LoadStep& step, const ResponseSums& r) {
   Search search(r);
   const double felt = find_felt(r), left = find_left_by_scale(r);
   if (is_near_unit(felt)) {
@@ -215,44 +262,76 @@ HostFinding explain_torque(double h, const ResponseSums& r) {
   } else if (felt < -kLeastFelt) {
     search.consider(left, kTorqueSign, felt);
   } else if (felt < kLeastFelt) {
-    if (may_be_late(r, h)) return {};
+    if (may_be_late(r, step.h)) return {};
     search.consider(left, kTorqueMissing, felt);
   } else {
     double by_axis = r.error2, worst = 0.0;
     for (int k = 0; k < 3; ++k) {
-      if (!(r.axis_change2[k] > 0.0)) continue;
-      by_axis -= r.axis_product[k] * r.axis_product[k] / r.axis_change2[k];
-      const double value = r.axis_change2[k] / (r.axis_change2[k] + r.axis_product[k]) - 1.0;
-      if (r.axis_change2[k] > kExplained * r.change2 && std::abs(value) > std::abs(worst))
-        worst = value;
+      const double change2 = r.axis_change2(k, k), product = r.axis_product(k, k);
+      if (!(change2 > 0.0)) continue;
+      by_axis -= product * product / change2;
+      const double value = change2 / (change2 + product) - 1.0;
+      if (change2 > kExplained * r.change2 && std::abs(value) > std::abs(worst)) worst = value;
     }
     search.consider(by_axis, kWrongInertia, worst);
   }
   search.consider(r.left2[0], kTorqueInN);
   search.consider(r.left2[1], kTorqueTurned);
   search.consider(r.left2[2], kTorquePoint);
+  search.consider_axes(kTorqueAxes, step.inertia);
   search.consider_constant(kUnreportedTorque);
   return search.found();
 }
 
-/// Loads of another step: the number of steps by which they act late; negative for early loads, 0
-/// for neither. Places of sums: the next step, earlier steps, further steps ahead.
-int find_late_steps(const ResponseSums& r) {
-  if (r.loaded < kEnoughSteps || !(r.error2 > kLeastError * kLeastError * r.change2)) return 0;
-  const auto least = std::min_element(r.late2.begin(), r.late2.end());
+/// Loads of other steps, which act instead of those of the present one. Steps by which they act
+/// late; negative for early loads.
+struct LateLoads {
+  int nearer = 0, farther = 0;
+  double share = 1.0;  ///< of the step that the farther load acts
+};
+
+/// The loads of another step explain the responses, or those of two adjacent steps: the delay is no
+/// whole number of steps then.
+std::optional<LateLoads> find_late_loads(const ResponseSums& r) {
+  if (r.loaded < kEnoughSteps || !(r.error2 > kLeastError * kLeastError * r.change2)) return {};
   const double left = find_left_by_scale(r);
   // Before a delay is over, a late load is a missing one.
-  if (left < kExplained * r.error2 || !(*least < kLateExplained * left)) return 0;
-  const int place = static_cast<int>(least - r.late2.begin());
-  return place == 0 ? -1 : place <= kLateLoads ? place : kLateLoads - 1 - place;
+  if (left < kExplained * r.error2) return {};
+  double least = kLateExplained * left;
+  std::optional<LateLoads> found;
+  const auto find_steps = [](int i) { return i < kLateLoads ? i + 1 : kLateLoads - 1 - i; };
+  const int count = static_cast<int>(r.late.size());
+  for (int i = 0; i < count; ++i) {
+    const double of_one = r.late[static_cast<size_t>(i)].left2;
+    if (!(of_one < least)) continue;
+    least = of_one;
+    found = LateLoads{find_steps(i), find_steps(i)};
+  }
+  for (int i = 0; i < count && !(found && found->share == 1.0); ++i) {
+    const bool is_first = i % kLateLoads == 0;
+    const LateSums& sums = r.late[static_cast<size_t>(i)];
+    const double nearer2 = is_first ? r.error2 : r.late[static_cast<size_t>(i - 1)].left2;
+    const double apart2 = nearer2 - 2.0 * sums.product + sums.left2;
+    const double share = (nearer2 - sums.product) / apart2;
+    const double of_both = (nearer2 * sums.left2 - sums.product * sums.product) / apart2;
+    if (!(apart2 > 0.0 && share > 0.0 && share < 1.0 && of_both < least)) continue;
+    least = of_both;
+    found = LateLoads{is_first ? 0 : find_steps(i - 1), find_steps(i), share};
+  }
+  return found;
 }
 
-HostFinding explain_late(const LoadStep& step, int steps) {
-  const double delay = (steps < 0 ? step.shorter : step.longer) + steps * step.h;
+HostFinding explain_late(const LoadStep& step, const LateLoads& loads) {
+  const auto find_delay = [&](int steps) {
+    return steps == 0 ? step.delay : (steps < 0 ? step.shorter : step.longer) + steps * step.h;
+  };
+  const double nearer = find_delay(loads.nearer);
+  const double delay = nearer + loads.share * (find_delay(loads.farther) - nearer);
   if (step.delay > 0.0 && delay > -0.5 * step.h) return {kLoadsDelayed, std::max(delay, 0.0)};
-  if (steps < 0) return {kLoadsEarly, step.h};
+  if (delay < 0.0) return {kLoadsEarly, step.h};
   const bool may_be_order = !step.announces || step.is_host_first;
-  return {steps == 1 && may_be_order ? kLoadsStepLate : kLoadsDelayed, steps * step.h};
+  const bool is_one_step = loads.nearer == 1 && loads.farther == 1;
+  return {is_one_step && may_be_order ? kLoadsStepLate : kLoadsDelayed, delay};
 }
 
 }  // namespace
@@ -262,6 +341,7 @@ std::string describe_energy_cause(const HostFinding& found, const ReportSums& su
   const std::string name = vehicle;
   const ResponseSums& r = sums.force;
   int fault = found.fault;
+  if (fault == kHostRight && sums.unmodelled > 0) fault = kUnreportedForce;
   if (fault == kHostRight && r.loaded > 0 && r.error2 > kFlexible * kFlexible * r.change2) {
     const bool is_mass = find_left_by_scale(r) < kExplained * r.error2 && find_felt(r) > kLeastFelt;
     fault = is_mass ? kWrongMass : kUnexplained;
@@ -291,18 +371,18 @@ std::string describe_energy_cause(const HostFinding& found, const ReportSums& su
 ReportSums make_report_sums(bool is_delayed) {
   ReportSums sums;
   const size_t places = kLateLoads + (is_delayed ? kLateLoads : 1);
-  sums.force.late2.assign(places, 0.0);
-  sums.torque.late2.assign(places, 0.0);
+  sums.force.late.assign(places, LateSums());
+  sums.torque.late.assign(places, LateSums());
   sums.held.assign(kLateLoads, Wrench<double>());
   return sums;
 }
 
 void forget_responses(ReportSums& sums) {
   for (ResponseSums* each : {&sums.force, &sums.torque}) {
-    std::vector<double> late2 = std::move(each->late2);
-    std::fill(late2.begin(), late2.end(), 0.0);
+    std::vector<LateSums> late = std::move(each->late);
+    std::fill(late.begin(), late.end(), LateSums());
     *each = ResponseSums();
-    each->late2 = std::move(late2);
+    each->late = std::move(late);
   }
   sums.first_load = 0.0;
   sums.mode = ModeSums();
@@ -316,11 +396,18 @@ HostFinding judge_first_report(const Inputs::Vehicle& report, const Inputs::Vehi
   }
   const Vec4<double> attitude = report.attitude.normalized();
   sums.first_angle = find_angle(start.attitude, attitude);
+  HostFinding turned;
+  double least = kSameShare * sums.first_angle;
   for (const AttitudeReading& as : kAttitudeReadings) {
-    if (sums.first_angle > kFirstAngle &&
-        find_angle(start.attitude, read_attitude(as, report)) < kSameShare * sums.first_angle) {
-      return {as.fault, 0.0};
+    const double angle = find_angle(start.attitude, read_attitude(as, report));
+    if (sums.first_angle > kFirstAngle && angle < least) {
+      least = angle;
+      turned.fault = as.fault;
     }
+  }
+  if (turned.fault != kHostRight) return turned;
+  for (const AttitudeReading& as : kAttitudeReadings) {
+    if (sums.first_angle > kFirstAngle) break;  // axes of N follow from the attitude
     const Vec3<double> spin = report.angular_velocity - start.angular_velocity;
     if (!(spin.norm() < 0.5 * start.angular_velocity.norm()) &&
         is_close(read_spin(as, report), start.angular_velocity)) {
@@ -333,19 +420,38 @@ HostFinding judge_first_report(const Inputs::Vehicle& report, const Inputs::Vehi
       return {reading, 0.0};
     }
   }
-  if (away.norm() < kFirstDistance) return {};
-  for (double unit : {1e-3, 1e-2, 0.3048, 1e3}) {  // mm, cm, ft, km
+  constexpr double kUnits[] = {1e-3, 1e-2, 0.3048, 1e3};  // mm, cm, ft, km
+  constexpr double kFirstSpeed = 1e-3;                    // [m/s]
+  const Vec3<double> faster = report.velocity - start.velocity;
+  if (away.norm() < kFirstDistance) {
+    if (faster.norm() < kFirstSpeed) return {};
+    if (report.velocity.isZero(0.0)) return {kVelocityMissing, start.velocity.norm()};
+    for (double unit : kUnits) {
+      if ((unit * report.velocity - start.velocity).norm() < 1e-3 * faster.norm()) {
+        return {kVelocityUnit, unit};
+      }
+    }
+    return {};
+  }
+  for (double unit : kUnits) {
     if ((unit * report.position - start.position).norm() < 1e-3 * away.norm()) {
       return {kPositionUnit, unit};
     }
   }
   const Vec3<double> arm = quat_to_matrix<double>(start.attitude) * interface_position;
   if (is_close(away, arm)) return {kInterfacePoint, arm.norm()};
+  if (is_in_other_axes(report.position, start.position)) return {kPositionAxes, 0.0};
   return {kFirstPosition, away.norm()};
 }
 
+void note_held_motion(ReportSums& sums) { ++sums.held_steps; }
+
 HostFinding judge_motion(const ReportPair& pair, double keep, ReportSums& sums) {
   const double h = pair.h;
+  if (sums.held_steps > 0) {
+    const int steps = 1 + std::exchange(sums.held_steps, 0);
+    if (++sums.held_reports >= kFewErrors) return {kMotionHeld, steps * h};
+  }
   // Attitude and angular velocity.
   double error = 0.0, allowed = 0.0;
   for (size_t i = 0; i < std::size(kAttitudeReadings); ++i) {
@@ -433,10 +539,8 @@ HostFinding judge_loads(const LoadStep& step, double keep, ReportSums& sums) {
     return step.h * (inverse * (torque - step.held.t));
   };
   const auto find_load = [&](size_t i) -> const Wrench<double>& {
-    if (i == 0) return step.next[0];
-    if (i <= kLateLoads) return step.delay > 0.0 ? step.earlier[i - 1] : sums.held[i - 1];
-    const size_t ahead = i - kLateLoads;
-    return step.next[ahead < static_cast<size_t>(step.next_count) ? ahead : 0];
+    if (i < kLateLoads) return step.delay > 0.0 ? step.earlier[i] : sums.held[i];
+    return step.next[std::min(i - kLateLoads, static_cast<size_t>(step.next_count - 1))];
   };
   const Vec3<double>& f = step.held.f;
   const Vec3<double>& t = step.held.t;
@@ -446,7 +550,10 @@ HostFinding judge_loads(const LoadStep& step, double keep, ReportSums& sums) {
       sums.force, step.change, step.error, step.h, keep, has_force,
       std::array<Vec3<double>, 2>{accelerate(step.R * f), accelerate(step.R.transpose() * f)},
       [&](size_t i) { return accelerate(find_load(i).f); });
-  add_response(sums.torque, turned, step.turn_error, step.h, keep, turned.norm() > kSilent * step.h,
+  const double size = std::max(step.arm.norm(), 0.1);  // of a vehicle whose inertia may be wrong
+  const double least_inertia = std::min(step.inertia.trace() / 3.0, step.mass * size * size);
+  add_response(sums.torque, turned, step.turn_error, step.h, keep,
+               t.norm() > kSilent * least_inertia,
                std::array<Vec3<double>, 3>{turn(step.R.transpose() * t), turn(step.R * t),
                                            turn(t + step.arm.cross(step.R.transpose() * f))},
                [&](size_t i) { return turn(find_load(i).t); });
@@ -458,12 +565,12 @@ HostFinding judge_loads(const LoadStep& step, double keep, ReportSums& sums) {
   change << step.R.transpose() * f, t / radius;
   add_to_mode(error, step.h / step.mass * change, step.h, keep, sums.mode);
 
-  const double limit = kUnmodelled * std::max(1.0, step.gravity), size = step.error.norm();
+  const double limit = kUnmodelled * std::max(1.0, step.gravity), missing = step.error.norm();
   // Errors that begin without a load are no wrong response to loads.
   const bool is_response = has_force && sums.unmodelled == 0 &&
                            find_left_by_scale(sums.force) < kExplained * sums.force.error2;
   const bool unmodelled =
-      size > step.h * limit && size > kMostFelt * step.change.norm() && !is_response;
+      missing > step.h * limit && missing > kMostFelt * step.change.norm() && !is_response;
   if (unmodelled) {
     const Vec3<double> acceleration = step.error / step.h;
     ++sums.unmodelled;
@@ -490,17 +597,17 @@ HostFinding judge_loads(const LoadStep& step, double keep, ReportSums& sums) {
   } else if (sums.first_load > 0.0 && has_force) {
     const double first = sums.first_load;
     sums.first_load = 0.0;
-    if (size < kSameShare * held.norm()) return {kFirstLoadMissing, first};
+    if (missing < kSameShare * held.norm()) return {kFirstLoadMissing, first};
   }
   for (const ResponseSums* r : {&sums.force, &sums.torque}) {
-    const int steps = find_late_steps(*r);
-    if (steps > 0 || (steps < 0 && step.announces)) return explain_late(step, steps);
+    const std::optional<LateLoads> late = find_late_loads(*r);
+    if (late && (late->farther > 0 || step.announces)) return explain_late(step, *late);
   }
   const double force_size = find_error_size(sums.force), torque_size = find_error_size(sums.torque);
   const HostFinding by_force =
       force_size > kLoadError ? explain_force(step, sums.force) : HostFinding();
   const HostFinding by_torque =
-      torque_size > kLoadError ? explain_torque(step.h, sums.torque) : HostFinding();
+      torque_size > kLoadError ? explain_torque(step, sums.torque) : HostFinding();
   const bool is_turn_larger = sums.torque.error2 * step.arm.squaredNorm() > sums.force.error2;
   const HostFinding& larger = is_turn_larger ? by_torque : by_force;
   const HostFinding& smaller = is_turn_larger ? by_force : by_torque;
@@ -509,9 +616,12 @@ HostFinding judge_loads(const LoadStep& step, double keep, ReportSums& sums) {
     return smaller.fault == kWrongMass ? smaller : larger;
   }
   if (larger.fault != kHostRight) return larger;
-  if (sums.force.loaded < kUnexplainedSteps) return {};
-  if (smaller.fault != kHostRight) return smaller;
-  if (force_size > kFlexible) return {kUnexplained, force_size};
+  const auto is_known = [&](const ResponseSums& r) {
+    return r.loaded >= kUnexplainedSteps || r.loaded * step.h >= kUnexplainedTime;
+  };
+  if (is_known(sums.force) && smaller.fault != kHostRight) return smaller;
+  if (is_known(sums.force) && force_size > kFlexible) return {kUnexplained, force_size};
+  if (is_known(sums.torque) && torque_size > kFlexible) return {kUnexplained, torque_size};
   return {};
 }
 

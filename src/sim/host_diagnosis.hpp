@@ -69,7 +69,12 @@ enum HostFault {
   kStartOfStep,
   kMotionAge,
   kWrongCentre,
-  kFlexiblePart
+  kFlexiblePart,
+  kPositionAxes,
+  kForceAxes,
+  kTorqueAxes,
+  kMotionHeld,
+  kVelocityUnit
 };
 /// The meanings include those of `coupling.diagnosis_value`.
 inline const ChoiceList kHostFaults = {
@@ -118,6 +123,11 @@ inline const ChoiceList kHostFaults = {
     {kMotionAge, "age of motion", "not coupling.motion_delay; value in s"},
     {kWrongCentre, "centre of mass", "value: its distance from the reported position in m"},
     {kFlexiblePart, "flexible part", "one mode explains the reports; value: frequency in Hz"},
+    {kPositionAxes, "position axes", "those of N, but exchanged or reversed"},
+    {kForceAxes, "force axes", "force_mean acts with its axes exchanged or reversed"},
+    {kTorqueAxes, "torque axes", "torque_mean acts with its axes exchanged or reversed"},
+    {kMotionHeld, "motion held", "over several steps of the FMU; value: step of the host in s"},
+    {kVelocityUnit, "velocity unit", "value: its unit in m/s"},
 };
 
 struct HostFinding {
@@ -134,13 +144,20 @@ struct ReportSums;
 std::string describe_energy_cause(const HostFinding& found, const ReportSums& sums,
                                   const char* vehicle);
 
+/// Errors that are left if the load of another step acts.
+struct LateSums {
+  double left2 = 0.0;
+  double product = 0.0;  ///< with those of the load one step nearer to the present
+};
+
 /// Changes of velocity (of angular velocity) and loads, of one vehicle: sums over its reports.
 struct ResponseSums {
   std::array<double, 3> left2{};  ///< errors that are left if the load acts in another way
-  std::vector<double> late2;      ///< the same, if the load of another step acts
+  std::vector<LateSums> late;     ///< loads of earlier steps, the last one first; of coming steps
   double change2 = 0.0;           ///< predicted changes
-  Vec3<double> axis_change2 = Vec3<double>::Zero(), axis_product = Vec3<double>::Zero();
-  double product = 0.0;  ///< errors times predicted changes
+  Mat3<double> axis_change2 = Mat3<double>::Zero();  ///< predicted changes by themselves
+  Mat3<double> axis_product = Mat3<double>::Zero();  ///< errors by predicted changes
+  double product = 0.0;                              ///< errors times predicted changes
   double error2 = 0.0;
   Vec3<double> constant = Vec3<double>::Zero();  ///< errors times steps
   double time2 = 0.0;                            ///< of steps [s2]
@@ -150,11 +167,12 @@ struct ResponseSums {
 /// Sums over the reports of one vehicle; old reports fade out. An array has one entry for each
 /// reading of the reports (host_diagnosis.cpp).
 struct ReportSums {
-  std::array<double, 7> turn_error2{};  ///< attitude and angular velocity [rad2/s2]
-  double turn2 = 0.0, spin2 = 0.0;      ///< [rad2/s2]
-  int turn_errors = 0;                  ///< consecutive reports with an error
-  double first_angle = 0.0;             ///< between first attitude and start attitude [rad]
-  std::array<double, 4> move_error2{};  ///< position and velocity [m2/s2]
+  std::array<double, 7> turn_error2{};   ///< attitude and angular velocity [rad2/s2]
+  double turn2 = 0.0, spin2 = 0.0;       ///< [rad2/s2]
+  int turn_errors = 0;                   ///< consecutive reports with an error
+  int held_steps = 0, held_reports = 0;  ///< steps since the last motion; motions that were held
+  double first_angle = 0.0;              ///< between first attitude and start attitude [rad]
+  std::array<double, 4> move_error2{};   ///< position and velocity [m2/s2]
   Mat3<double> point_matrix = Mat3<double>::Zero();  ///< equations of a point of the vehicle ...
   Vec3<double> point_side = Vec3<double>::Zero();    ///< ... whose position is reported
   double move2 = 0.0, move_velocity = 0.0, velocity2 = 0.0;  ///< [m2/s2]
@@ -186,6 +204,9 @@ struct ReportPair {
   double speed;                            ///< in frame O, which moves with the docking [m/s]
   const Vec3<double>& interface_position;  ///< body axes [m]
 };
+
+/// The motion of the last report again, although the vehicle moves.
+void note_held_motion(ReportSums& sums);
 
 /// Does the pose follow the rates? @param keep  factor of older sums
 HostFinding judge_motion(const ReportPair& pair, double keep, ReportSums& sums);

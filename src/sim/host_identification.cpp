@@ -26,7 +26,8 @@ constexpr double kVelocityNoise = 4e-9, kSpinNoise = 1e-8;  ///< [m/s], [rad/s]
 constexpr double kErrorShare = 3e-4;                        ///< of the error of the stated numbers
 constexpr double kLeastEquation = 1.0;  ///< equations with less, in units of the noise, say nothing
 constexpr double kMostMisfit2 = 100;    ///< of one equation, as it counts
-constexpr double kLeastCount = 8.0;     ///< of equations: one step has six, and proves nothing
+constexpr double kProvenCount = 8.0;    ///< of equations: one step has six, and proves no cause ...
+constexpr double kUsedCount = 5.0;      ///< ... but corrects the prediction of the next step
 constexpr double kMostFactor = 5.0;     ///< of mass and moments; beyond, there is another cause
 constexpr double kExplained2 = 9.0;     ///< mean square of the misfit that ten numbers explain
 constexpr double kThreeDeviations2 = 27.0;  ///< chi-square of ten numbers, for 99.7 %
@@ -182,7 +183,7 @@ MassDeviations find_mass_deviations(const VehicleBody& stated, const MassEstimat
 }
 
 bool fits_reports(const MassEstimate& estimate) {
-  return estimate.count > kLeastCount && find_misfit2(estimate) < kExplained2;
+  return estimate.count > kProvenCount && find_misfit2(estimate) < kExplained2;
 }
 
 bool explains_reports(const MassEstimate& estimate) {
@@ -193,8 +194,8 @@ bool explains_reports(const MassEstimate& estimate) {
     }
     return true;
   };
-  return fits_reports(estimate) && is_plausible(0, 1, kMassShare) &&
-         is_plausible(4, 3, kMomentShare);
+  return estimate.count > 5.0 && find_misfit2(estimate) < kExplained2 &&
+         is_plausible(0, 1, kMassShare) && is_plausible(4, 3, kMomentShare);
 }
 
 bool contradicts(const VehicleBody& stated, const MassEstimate& estimate, const VehicleBody& body) {

@@ -108,7 +108,8 @@ const FaultText kTexts[] = {
      "$v turns as if its inertia were another than $v.inertia (mismatch $x about the worst axis)"},
     {kUnexplained,
      "$v does not move as a rigid body under the reported loads ($x of the changes of velocity): "
-     "a flexible part or a load that is not in $v.force_ext"},
+     "a flexible part, a load that is not in $v.force_ext, or a mean load that is filtered or "
+     "limited"},
     {kStartOfStep,
      "$v.position after the first step is the start position, but the vehicle moves $x m in the "
      "step: report the motion at the end of the step, or set coupling.mode = 2 (parallel) or 1 "
@@ -120,6 +121,19 @@ const FaultText kTexts[] = {
      "$v has a flexible part, which swings at $x Hz as the reports show it: put a part that "
      "carries the docking hardware into the FMU ([$v.adapter] of the scene); of arrays or slosh, "
      "report the vehicle without them, and their mean loads in $v.force_ext and $v.torque_ext"},
+    {kPositionAxes,
+     "$v.position has the axes of N exchanged or reversed: report the axes in which the start "
+     "position is stated"},
+    {kForceAxes,
+     "$v applies force_mean with axes exchanged or reversed: its components are along x, y, z of "
+     "N"},
+    {kTorqueAxes,
+     "$v applies torque_mean with axes exchanged or reversed: its components are along x, y, z of "
+     "the body, as those of $v.inertia"},
+    {kMotionHeld,
+     "$v reports a new motion only every $x s: make the communication step as long as the step of "
+     "the host, or report the motion at each step"},
+    {kVelocityUnit, "$v.velocity is in units of $x m/s: report m/s"},
 };
 
 }  // namespace

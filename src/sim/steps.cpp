@@ -160,6 +160,8 @@ Status DockingSim::Impl::step(double t, double h) {
     status = finish_step(h, was_pending);
     if (status.ok()) return status;
   }
+  const bool may_be_host = status.code != StatusCode::kCouplingUnstable && host->has_host();
+  const std::string cause = may_be_host ? host->explain_refusal() : "";
   const Status back = restore(step_start);
   step_loop->set_counters(counters);
   // Outputs after a refusal are the outputs before the step; that state was valid.
@@ -167,7 +169,7 @@ Status DockingSim::Impl::step(double t, double h) {
   char text[120];
   std::snprintf(text, sizeof text, "step from t = %.9g s over %.6g s: ", t, h);
   if (status_text.empty()) status_text = describe(status);
-  status_text = text + status_text;
+  status_text = text + status_text + cause;
   return status;
 }
 
