@@ -280,7 +280,6 @@ def test_what_no_table_lists_is_reported():
     )
 
 
-BALL_PAIR = '<body name="c" pos="0 1 0"><joint type="ball"/>' + IMPORTED + "</body>"
 MJCF_OTHERS = {  # construct: the model that has it, in the words of the format
     "body/inertial": mjcf(),
     "body/site": mjcf(inside='<site name="s"/>'),

@@ -15,6 +15,7 @@ import pytest
 from dockloop.base import paths
 from dockloop.base.errors import DockloopError
 from dockloop.native import compiled
+from programs import run
 
 DOCKLOOP = [sys.executable, "-m", "dockloop"]
 RUN = ["run", "absorber_1d", "--stop", "0.1", "--no-plots"]
@@ -23,8 +24,7 @@ GONE = "the current folder is not there any more: change to another folder\n"
 
 def call(script, *words, **more):
     """Let a shell run a command, with `script` after it."""
-    command = ["sh", "-c", f'"$@" {script}', "sh", *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, check=False, **more)
+    return run("sh", "-c", f'"$@" {script}', "sh", *words, **more)
 
 
 def run_python(text, folder):
@@ -65,13 +65,7 @@ def test_a_current_folder_that_is_gone_is_named(tmp_path, output):
     gone = tmp_path / "gone"
     gone.mkdir()
     words = [*DOCKLOOP, *RUN, "-o", output.replace("OUTSIDE", str(tmp_path))]
-    done = subprocess.run(
-        ["sh", "-c", 'rmdir ../gone && "$@"', "sh", *words],
-        cwd=gone,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = run("sh", "-c", 'rmdir ../gone && "$@"', "sh", *words, cwd=gone)
     assert (done.returncode, done.stderr) == (2, f"dockloop: {GONE}")
 
 

@@ -27,6 +27,7 @@ from dockloop.fmu.build import build_fmu
 from dockloop.scene.values import to_text
 from extreme_cases.fmi_host import OK, Host
 from import_files import ARM, IMPORTED, ROBOT_LINK, bring, joint, link, mjcf, sdf, turn, urdf
+from programs import run
 from test_input_tables import VEHICLE as JETS
 
 pytestmark = pytest.mark.usefixtures("own_folder")
@@ -594,8 +595,8 @@ except Exception as error:
 """
     path = str(paths.ROOT / "scripts")
     env = {**os.environ, "MPLBACKEND": "nonsense", "PYTHONPATH": path}
-    order = [sys.executable, "-c", program]
-    ran = subprocess.run(order, capture_output=True, text=True, env=env, check=True)
+    ran = run(sys.executable, "-c", program, env=env)
+    assert ran.returncode == 0
     assert "no figures are drawn: matplotlib does not start with its settings" in ran.stderr
     assert ran.stdout.startswith("DockloopError the package matplotlib does not start with its")
 

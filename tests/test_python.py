@@ -23,6 +23,7 @@ import dockloop as dl
 from dockloop.base import paths
 from dockloop.fmu.host import Instance, unpack_fmu
 from dockloop.native.core import load_core, to_json
+from programs import call
 
 pytestmark = pytest.mark.usefixtures("native")  # the bits of FMUs are compared with the core's
 
@@ -538,7 +539,5 @@ def test_the_core_names_its_source_whatever_is_wrong():
 
 def test_the_package_is_typed():
     pytest.importorskip("mypy")
-    command = [sys.executable, "-m", "mypy", "--no-incremental"]
-    done = subprocess.run(command, cwd=paths.ROOT, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout
+    call(sys.executable, "-m", "mypy", "--no-incremental", cwd=paths.ROOT)
     assert (paths.ROOT / "scripts" / "dockloop" / "py.typed").exists()

@@ -86,8 +86,7 @@ def test_the_table_needs_the_list_no_more(dockloop, tmp_path):
         'scene = "absorber_1d"\ncases = "list.csv"\n[experiment]\nstop = 1.0\n'
     )
     for more in ((), ("--resume",)):
-        ran = dockloop("sweep", "mine.toml", "-o", "own.parquet", "--no-plots", *more)
-        assert ran.status == 0, ran.err
+        ran = dockloop.succeed("sweep", "mine.toml", "-o", "own.parquet", "--no-plots", *more)
         assert re.search("  table +text: sep ';', decimal ',', names from line 1\n", ran.out)
     (tmp_path / "list.csv").unlink()
     (tmp_path / "folder").mkdir()

@@ -206,9 +206,7 @@ def test_the_result_of_a_run_is_data_for_a_run(dockloop, tmp_path, suffix):
     pytest.importorskip("pyarrow")
     for file in ("own.csv", f"other{suffix}"):
         assert dockloop("run", "absorber_1d", "--stop", "2", "-o", file, "--no-plots").status == 0
-    ran = dockloop("compare", "own.csv", f"other{suffix}", "--json", "--no-plots")
-    assert ran.status == 0, ran.err
-    found = json.loads(ran.out)
+    found = dockloop.read("compare", "own.csv", f"other{suffix}", "--json", "--no-plots")
     assert abs(found["shift"]) < 1e-6
     assert found["overlap"] > 0.99
     assert found["columns"]["relative.axial"]["rms"] < 1e-6
