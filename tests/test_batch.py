@@ -14,10 +14,6 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("distributed")
-pytest.importorskip("pyarrow")
-pytest.importorskip("scipy")
-
 from dockloop.base.errors import UsageError
 from dockloop.base.progress import ProgressBar
 from dockloop.runs.outcome import Result

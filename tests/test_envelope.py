@@ -22,8 +22,6 @@ import sys
 import numpy as np
 import pytest
 
-pytest.importorskip("scipy")
-
 import dockloop as dl
 from dockloop.result.criteria import parse_criterion
 from dockloop.studies.envelopes.mesh import Mesh

@@ -20,8 +20,6 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("scipy")
-
 from dockloop.cli import _make_parser
 from dockloop.runs.crew import Crew
 from dockloop.runs.judging import VERDICTS, Case, Verdict, find_promise, find_verdict, judge

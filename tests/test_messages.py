@@ -18,9 +18,6 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("pyarrow")
-pytest.importorskip("scipy")
-
 from conftest import SCENES
 from dockloop.base import paths
 from dockloop.base.errors import DockloopError

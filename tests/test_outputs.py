@@ -16,12 +16,8 @@ import zipfile
 from pathlib import Path
 
 import numpy as np
-import pytest
-
-pytest.importorskip("pyarrow")
-pytest.importorskip("scipy")
-
 import pyarrow
+import pytest
 from matplotlib.figure import Figure
 from pyarrow import parquet
 

@@ -74,9 +74,6 @@ def test_a_package_outside_of_the_clone_has_all_that_it_needs(tmp_path):
 
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="the wheel is for Linux x86_64")
 def test_the_wheel_works_without_a_compiler(tmp_path):
-    pytest.importorskip("auditwheel")
-    for package in ("pandas", "pyarrow", "scipy"):
-        pytest.importorskip(package)
     wheel = write_wheel(tmp_path / "wheels")
     assert re.fullmatch(r"dockloop-[\d.]+-cp3\d+-cp3\d+-manylinux_2_\d+_x86_64\.whl", wheel.name)
     assert write_wheel(tmp_path / "again").read_bytes() == wheel.read_bytes()

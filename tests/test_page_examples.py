@@ -28,9 +28,6 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-pytest.importorskip("pyarrow")
-pytest.importorskip("scipy")
-
 import dockloop as dl
 from dockloop import cli
 from dockloop.base import paths

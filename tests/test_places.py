@@ -79,7 +79,6 @@ def test_a_script_in_a_folder_that_is_gone_gets_the_error_of_this_package(tmp_pa
 
 
 def test_a_script_without_a_guard_runs_worker_processes(tmp_path):
-    pytest.importorskip("distributed")
     done = run_python(
         "import sys, dockloop as dl\nname = __file__\nprint('begin')\n"
         "print(len(dl.sweep('absorber_1d_speeds', engine='fmu', workers=1)))\n"
@@ -174,7 +173,6 @@ def test_a_request_to_end_leaves_no_files_behind(tmp_path):
 
 def test_a_sweep_on_workers_leaves_no_files_and_looks_at_none_of_its_folder(tmp_path):
     """As in github.com/joblib/joblib/issues/1378: a module of Python in the current folder."""
-    pytest.importorskip("distributed")
     folder = tmp_path / "temporary"
     folder.mkdir()
     for name in ("signal", "types", "copy"):

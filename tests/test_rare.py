@@ -14,10 +14,6 @@ import math
 
 import numpy as np
 import pytest
-
-pytest.importorskip("scipy")
-pytest.importorskip("pyarrow")
-
 from scipy.stats import norm
 
 import dockloop as dl

@@ -13,13 +13,8 @@ import json
 import re
 
 import numpy as np
-import pytest
-
-pytest.importorskip("scipy")
-pytest.importorskip("pyarrow")
-pytest.importorskip("matplotlib")
-
 import pyarrow as pa
+import pytest
 from matplotlib.colors import to_rgba
 
 import dockloop as dl

@@ -11,9 +11,6 @@ import json
 
 import numpy as np
 import pytest
-
-pytest.importorskip("pyarrow")
-
 from pyarrow import parquet
 
 from dockloop.base.errors import UsageError
@@ -71,7 +68,6 @@ def test_chosen_outputs_leave_the_summary_as_it_is(dockloop, tmp_path):
 
 
 def test_chosen_outputs_draw_the_figures_that_they_allow(dockloop, tmp_path):
-    pytest.importorskip("matplotlib")
     dockloop.succeed(*RUN[:-2], "--outputs", "relative.axial", "-o", str(tmp_path / "own.csv"))
     assert {file.name for file in tmp_path.glob("own*.png")} == set()
     dockloop.succeed(*RUN[:-2], "--outputs", "capture.", "-o", str(tmp_path / "own.csv"))

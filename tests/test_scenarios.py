@@ -8,13 +8,8 @@
 
 import re
 
-import pytest
-
-pytest.importorskip("pandas")
-pytest.importorskip("pyarrow")
-pytest.importorskip("scipy")
-
 import pandas as pd
+import pytest
 
 import dockloop as dl
 from dockloop.sweeps.scenarios import read_scenarios
@@ -49,7 +44,6 @@ def write_list(path):
     if path.suffix == ".csv":
         path.write_text(TEXT)
     elif path.suffix == ".xlsx":
-        pytest.importorskip("openpyxl")
         FRAME.to_excel(path, index=False)
     else:
         FRAME.to_parquet(path)
@@ -139,7 +133,6 @@ def test_names_may_begin_like_comments(tmp_path, suffix):
     if suffix == ".csv":
         file.write_text("".join(",".join(map(str, filter(None, row))) + "\n" for row in rows))
     else:
-        pytest.importorskip("openpyxl")
         pd.DataFrame(rows).to_excel(file, index=False, header=False)
     entry, _ = read_scenarios(file, tmp_path / "own.toml")
     assert entry["cases"] == {name: {"initial.closing_speed": 0.05} for name in names}

@@ -19,10 +19,6 @@ import time
 
 import pytest
 
-pytest.importorskip("sphinx")
-pytest.importorskip("furo")
-pytest.importorskip("myst_parser")
-
 import dockloop as dl
 from dockloop.base import paths
 from dockloop.base.errors import DockloopError

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fmpy.ssp import simulation
 
 from dockloop.fmu.build import write_zip
 from dockloop.fmu.ssp import PACKAGE, build_ssp
@@ -75,7 +76,6 @@ def build(dockloop, foreign, text=MAP, *more):
 
 
 def record(package):
-    simulation = pytest.importorskip("fmpy.ssp.simulation")
     made = simulation.simulate_ssp(str(package), stop_time=0.5, step_size=0.01)
     names = ["docking.relative.axial", "docking.chaser.force_mean[1]", "docking.energy.kinetic"]
     return np.array([made[name] for name in names])

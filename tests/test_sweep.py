@@ -20,14 +20,9 @@ import threading
 import tracemalloc
 from contextlib import closing
 
+import dask
 import numpy as np
 import pytest
-
-pytest.importorskip("distributed")
-pytest.importorskip("pyarrow")
-pytest.importorskip("scipy")
-
-import dask
 from distributed import LocalCluster
 from pyarrow import parquet
 

@@ -18,11 +18,6 @@ import sys
 from pathlib import Path
 
 import pytest
-
-pytest.importorskip("distributed")
-pytest.importorskip("pyarrow")
-pytest.importorskip("scipy")
-
 from pyarrow import parquet
 
 from dockloop.base import paths

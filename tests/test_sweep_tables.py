@@ -19,14 +19,9 @@ import tracemalloc
 from pathlib import Path
 
 import numpy as np
-import pytest
-
-pytest.importorskip("distributed")
-pytest.importorskip("pyarrow")
-pytest.importorskip("scipy")
-
 import pandas as pd
 import pyarrow as pa
+import pytest
 from pyarrow import parquet
 
 import dockloop as dl

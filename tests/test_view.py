@@ -448,8 +448,6 @@ def test_meshes_of_vehicles(dockloop, result, tmp_path, text):
 
 
 def test_cases_of_a_sweep(dockloop, tmp_path):
-    pytest.importorskip("pyarrow")
-    pytest.importorskip("scipy")
     (tmp_path / "many.toml").write_text(
         f'scene = "{DEFAULT}"\nseed = 1\ncases = 4\n'
         "[experiment]\nstop = 2.6\n"
@@ -470,8 +468,6 @@ def test_cases_of_a_sweep(dockloop, tmp_path):
 
 
 def test_cases_of_a_sweep_with_mechanisms_of_the_user(dockloop, tmp_path):
-    pytest.importorskip("pyarrow")
-    pytest.importorskip("scipy")
     for name in ("mine", "other"):
         assert dockloop("new", name, "--from", "probe_drogue").status == 0
     (tmp_path / "many.toml").write_text(

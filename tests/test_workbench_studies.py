@@ -6,8 +6,6 @@ import sys
 
 import pytest
 
-pytest.importorskip("distributed")
-
 from dockloop.base.paths import ROOT
 from programs import run
 
