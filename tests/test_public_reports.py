@@ -29,7 +29,7 @@ from dockloop.scene.values import to_text
 from extreme_cases.fmi_host import OK, Host
 from import_files import ARM, IMPORTED, ROBOT_LINK, bring, joint, link, mjcf, sdf, turn, urdf
 from programs import run
-from test_input_tables import VEHICLE as JETS
+from test_input_tables import SCENE as JETS
 
 pytestmark = pytest.mark.usefixtures("own_folder")
 SCENE = "absorber_1d"
