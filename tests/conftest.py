@@ -7,6 +7,7 @@ several processes (pytest -n, of pytest-xdist), which share their FMUs.
 import fcntl
 import functools
 import hashlib
+import json
 import os
 import tempfile
 from collections.abc import Callable, Iterator
@@ -150,21 +151,38 @@ def own_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     return tmp_path
 
 
-@pytest.fixture
-def dockloop(
-    capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch, own_folder: Path
-) -> Callable[..., Outcome]:
-    """Call the command line in an empty folder; results go there too."""
-    monkeypatch.setattr(paths, "BUILD", own_folder / "build")
+class CommandLine:
+    """The command line in this process."""
 
-    def call(*arguments: str) -> Outcome:
+    def __init__(self, capsys: pytest.CaptureFixture) -> None:
+        self._capsys = capsys
+
+    def __call__(self, *arguments: object) -> Outcome:
+        """Call a command."""
         try:
             status = cli.main([str(argument) for argument in arguments])
         except SystemExit as end:
             status = end.code
-        return Outcome(status, *capsys.readouterr())
+        return Outcome(status, *self._capsys.readouterr())
 
-    return call
+    def succeed(self, *arguments: object) -> Outcome:
+        """Call a command that must not fail."""
+        outcome = self(*arguments)
+        assert outcome.status == 0, outcome
+        return outcome
+
+    def read(self, *arguments: object) -> Any:
+        """Return what a command prints as JSON."""
+        return json.loads(self.succeed(*arguments).out)
+
+
+@pytest.fixture
+def dockloop(
+    capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch, own_folder: Path
+) -> CommandLine:
+    """Call the command line in an empty folder; results go there too."""
+    monkeypatch.setattr(paths, "BUILD", own_folder / "build")
+    return CommandLine(capsys)
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,6 @@ import functools
 import importlib.util
 import io
 import json
-import subprocess
 import sys
 import tempfile
 import zipfile
@@ -23,6 +22,8 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
+
+from programs import call
 
 COMPONENT = "docking"
 PARAMETER_SET = "scene"  # ecos applies the set of this name
@@ -57,14 +58,8 @@ def record_importer(
         pytest.skip(reason)
     every = every or count
     assert count % every == 0
-    done = subprocess.run(
-        [sys.executable, __file__, importer, file, repr(step), f"{count}/{every}", *names],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, f"{importer} failed:\n{done.stdout[-2000:]}{done.stderr[-2000:]}"
-    return json.loads(done.stdout.splitlines()[-1])
+    words = (importer, file, repr(step), f"{count}/{every}", *names)
+    return json.loads(call(sys.executable, __file__, *words).splitlines()[-1])
 
 
 def find_obstacle(importer: str) -> str:

@@ -1,4 +1,4 @@
-"""Scenes of one body on a slide: the simplest mechanism for laws and sequences."""
+"""Scenes of one body on a slide: the simplest mechanism for laws and sequences; of a vehicle."""
 
 import json
 from pathlib import Path
@@ -26,6 +26,20 @@ step = 0.01
 tolerance = 1e-10
 [outputs]
 groups = ["states", "energy", "solver"]
+"""
+
+VEHICLE = """
+title = "A vehicle by itself"
+[chaser]
+mass = 1000
+inertia = [1000, 1000, 1000, 0, 0, 0]
+[initial]
+at = "start"
+[experiment]
+stop = 3.0
+step = 0.3
+[outputs]
+groups = ["energy", "solver"]
 """
 
 

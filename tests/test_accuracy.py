@@ -13,7 +13,6 @@
 
 import json
 import re
-import subprocess
 import sys
 
 import numpy as np
@@ -28,6 +27,7 @@ from dockloop.native.core import list_methods
 from dockloop.result import accuracy, run_errors
 from dockloop.scene.resolve import resolve_scene
 from extreme_cases.fmi_host import Host
+from programs import call
 
 SCENE = "idss_25t_350t"
 NEAR = {
@@ -651,7 +651,6 @@ def test_the_study_checks_dockings_that_are_not_in_the_calibration(study, data, 
     checked = study.list_numbers(study.FIRST_CHECK, study.CHECKS)
     assert not {case["number"] for case in data["cases"]} & set(checked)
     page = tmp_path / "page.md"
-    command = [sys.executable, study.__file__, "check", "--cases", "2", "1", "--workers", "1"]
-    done = subprocess.run([*command, "-o", page], check=False, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
+    words = ("check", "--cases", "2", "1", "--workers", "1", "-o", page)
+    call(sys.executable, study.__file__, *words)
     assert "| 0.001 |" in page.read_text(encoding="utf-8")

@@ -8,7 +8,6 @@
 """
 
 import json
-import subprocess
 
 import numpy as np
 import pytest
@@ -16,6 +15,7 @@ import pytest
 from benchmarks import bench, families, mechanisms, report
 from dockloop.base import paths
 from dockloop.native import core
+from programs import run
 
 BENCH = json.loads(bench.BENCH.read_text())
 START = json.loads((bench.DATA / "hexapod_bench.json").read_text())["initial"]
@@ -124,7 +124,6 @@ def test_accelerations_that_are_wrong_are_called_so():
     ],
 )
 def test_the_command_explains_itself(arguments, status, text):
-    command = [paths.ROOT / "scripts" / "bench", *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = run(paths.ROOT / "scripts" / "bench", *arguments)
     assert done.returncode == status
     assert text in done.stdout + done.stderr

@@ -23,6 +23,7 @@ from dockloop.base import paths
 from dockloop.fmu import binaries
 from dockloop.fmu.build import build_fmu
 from dockloop.fmu.host import run_fmu
+from programs import call
 
 FUNCTIONS = 44  # of FMI 2.0, both interfaces
 REQUIRED = os.environ.get("DOCKLOOP_PLATFORMS", "linux64 win64").split()
@@ -155,16 +156,13 @@ def final_values(fmu, file, resources, *program, stop=None, environment=None):
     model = read_model_description(fmu)
     reals = {v.name: v.valueReference for v in model.modelVariables if v.type == "Real"}
     experiment = model.defaultExperiment
-    done = subprocess.run(
-        [*program, file, resources, model.guid, stop or experiment.stopTime, experiment.stepSize],
+    ends = call(
+        *(*program, file, resources, model.guid),
+        *(stop or experiment.stopTime, experiment.stepSize),
         input="\n".join(map(str, reals.values())),
         env=os.environ | (environment or {}),
-        check=False,
-        capture_output=True,
-        text=True,
     )
-    assert done.returncode == 0, done.stderr
-    return dict(zip(reals, map(float, done.stdout.split()), strict=True))
+    return dict(zip(reals, map(float, ends.split()), strict=True))
 
 
 def assert_same_end(values, others):
@@ -208,9 +206,7 @@ set_source_files_properties(${alone} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
 def run_cmake(*arguments, **settings):
     """Run CMake with settings; fails with the end of what it said."""
     options = [f"-D{name}={value}" for name, value in settings.items()]
-    command = ["cmake", *arguments, *options]
-    done = subprocess.run(command, check=False, capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+    call("cmake", *arguments, *options)
 
 
 def test_the_sources_inside_make_the_library_again(host):

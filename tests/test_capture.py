@@ -73,9 +73,7 @@ def test_every_reason_of_the_fmu_has_one(runs):
 
 def test_the_summary_says_it(dockloop):
     argument = ("run", "idss_25t_350t", "--scene", "initial.lateral_offset=0.45", "--no-plots")
-    ran = dockloop(*argument, "--json", "--step", "0.25")
-    assert ran.status == 0, ran.err
-    summary = json.loads(ran.out)
+    summary = dockloop.read(*argument, "--json", "--step", "0.25")
     assert summary["explanation"].startswith("not captured")
     assert summary["captured"] is False
 
@@ -100,8 +98,7 @@ stop = 4.0
 step = 0.5
 """
     )
-    ran = dockloop("sweep", sweep, "-o", tmp_path / "own.parquet", "--no-plots")
-    assert ran.status == 0, ran.err
+    dockloop.succeed("sweep", sweep, "-o", tmp_path / "own.parquet", "--no-plots")
     table = pyarrow.parquet.read_table(tmp_path / "own.parquet").to_pydict()
     first, second = table["explanation"]
     assert first == "captured"
@@ -135,8 +132,9 @@ def test_a_rebound_does_not_depend_on_the_communication_step(runs, tmp_path):
 
 
 def run_default(dockloop, *options):
-    ran = dockloop("run", "idss_25t_350t", *options, "--no-plots", "--json", "-o", "own.csv")
-    assert ran.status == 0, ran.err
+    ran = dockloop.succeed(
+        "run", "idss_25t_350t", *options, "--no-plots", "--json", "-o", "own.csv"
+    )
     return json.loads(ran.out)
 
 

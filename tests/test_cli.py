@@ -21,6 +21,7 @@ from dockloop import commands
 from dockloop.base import paths
 from dockloop.commands import arguments
 from dockloop.live.server import LiveServer
+from programs import run
 
 
 def assert_refused(outcome, *words):
@@ -34,8 +35,7 @@ def assert_refused(outcome, *words):
 
 @pytest.mark.parametrize("command", commands.COMMANDS)
 def test_the_example_of_every_help_text_runs(dockloop, command, monkeypatch):
-    text = dockloop(command, "--help")
-    assert text.status == 0
+    text = dockloop.succeed(command, "--help")
     example = text.out.partition("example: dockloop ")[2]
     if command == "view":  # of the result of the run that the README begins with
         assert dockloop("run", "idss_25t_350t", "--stop", "3", "--no-plots").status == 0
@@ -48,8 +48,7 @@ def test_the_example_of_every_help_text_runs(dockloop, command, monkeypatch):
         monkeypatch.setattr(webbrowser, "open", lambda _: True)
     if command == "fit":  # the rig has other hardware
         more = ["--scene", "mechanism.set.contact.damping=9000", "--outputs=relative.axial"]
-        ran = dockloop("run", "absorber_1d", "--no-plots", "-o", "rig.csv", *more)
-        assert ran.status == 0
+        dockloop.succeed("run", "absorber_1d", "--no-plots", "-o", "rig.csv", *more)
     if command == "import":  # a file of the user
         shutil.copy(paths.ROOT / "scripts" / "examples" / "stewart.sdf", "stewart.sdf")
     if (
@@ -58,19 +57,14 @@ def test_the_example_of_every_help_text_runs(dockloop, command, monkeypatch):
         chosen = ["--outputs=chaser.position", "--outputs=chaser.velocity", "--outputs=chaser.at*"]
         chosen += ["--outputs=chaser.angular_velocity", "-o", "host.csv"]
         assert dockloop("run", "idss_25t_350t", "--stop", "1", "--no-plots", *chosen).status == 0
-    outcome = dockloop(*shlex.split(example))
-    assert outcome.status == 0, outcome.err
+    outcome = dockloop.succeed(*shlex.split(example))
     assert outcome.out
 
 
 def test_help_is_quick_and_needs_no_heavy_package():
     began = time.perf_counter()
-    done = subprocess.run(
-        [sys.executable, "-X", "importtime", "-m", "dockloop", "--help"],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    done = run(sys.executable, "-X", "importtime", "-m", "dockloop", "--help")
+    assert done.returncode == 0
     assert time.perf_counter() - began < 5.0
     for package in ("fmpy", "matplotlib", "numpy", "jsonschema", "distributed", "pyarrow"):
         assert f" {package}\n" not in done.stderr
@@ -274,10 +268,9 @@ def test_a_loop_that_cannot_close_is_refused(dockloop, tmp_path):
 
 @pytest.mark.parametrize("mechanism", ["idss_hexapod", "hexapod_bench"])
 def test_check_reports_a_sound_mechanism_in_words_and_as_json(dockloop, mechanism):
-    text = dockloop("check", mechanism)
-    assert text.status == 0, text.err
+    text = dockloop.succeed("check", mechanism)
     assert "leg6" in text.out
-    report = json.loads(dockloop("check", mechanism, "--json").out)
+    report = dockloop.read("check", mechanism, "--json")
     assert report["name"] == mechanism
     assert len(report["loops"]) == 6
     assert all(abs(loop["gap"]) < 1e-12 for loop in report["loops"])
@@ -295,7 +288,7 @@ def test_screws_are_couplings_and_no_closed_loops(dockloop):
 @pytest.mark.parametrize("mechanism", [file.stem for file in sorted(paths.MECHANISMS.glob("*"))])
 def test_tables_of_check_fit_a_page_and_lose_nothing(dockloop, mechanism):
     text = dockloop("check", mechanism).out
-    report = json.loads(dockloop("check", mechanism, "--json").out)
+    report = dockloop.read("check", mechanism, "--json")
     assert max(map(len, text.splitlines())) <= 100
     assert re.search(r"^ *quantity +unit +value$", text, re.MULTILINE)
     assert re.search(rf"mass +kg +{report['mass']:.4g}\n", text)
@@ -473,7 +466,7 @@ def test_check_says_where_end_stops_begin_and_what_ends_a_coordinate(dockloop, t
 
 def test_check_says_what_each_coordinate_moves(dockloop):
     """A differential: an axial push moves the drive alone, a lateral one all but the drive."""
-    report = json.loads(dockloop("check", "apda", "--json").out)
+    report = dockloop.read("check", "apda", "--json")
     effects = {row["coordinate"]: row for row in report["effects"]}
     axial, lateral = (
         {part["name"]: part["rate"] for part in effects[name]["elements"]}
@@ -514,8 +507,7 @@ def test_check_counts_no_rate_of_a_drive_as_an_effect(dockloop, tmp_path):
     ],
 )
 def test_check_draws_a_mechanism(dockloop, tmp_path, mechanism, words):
-    run = dockloop("check", mechanism, "--draw", "own.svg")
-    assert run.status == 0, run.err
+    dockloop.succeed("check", mechanism, "--draw", "own.svg")
     sheet = (tmp_path / "own.svg").read_text()
     texts = [text for text in ElementTree.fromstring(sheet).itertext() if text.strip()]
     for word in words:
@@ -574,19 +566,16 @@ def test_a_sweep_is_no_scene_and_a_scene_no_sweep(dockloop):
 def test_the_first_mechanism_of_the_page_can_be_checked(dockloop, tmp_path):
     page = (paths.MODELS / "README.md").read_text(encoding="utf-8")
     (tmp_path / "lever.json").write_text(page.partition("```json\n")[2].partition("```")[0])
-    outcome = dockloop("check", "lever.json")
-    assert outcome.status == 0, outcome.err
+    outcome = dockloop.succeed("check", "lever.json")
     for words in ("bodies +3", "degrees of freedom +1", "independent +lever", "oscillates"):
         assert re.search(words, outcome.out), words
 
 
 def test_check_evaluates_given_states(dockloop, tmp_path):
-    report = json.loads(dockloop("check", "hexapod_bench", "--json").out)
+    report = dockloop.read("check", "hexapod_bench", "--json")
     state = {"q": report["home_q"], "v_independent": [0.0] * 6, "tau": [0.0] * 24}
     (tmp_path / "states.json").write_text(json.dumps({"states": [state]}))
-    outcome = dockloop("check", "hexapod_bench", "--states", "states.json")
-    assert outcome.status == 0, outcome.err
-    (result,) = json.loads(outcome.out)
+    (result,) = dockloop.read("check", "hexapod_bench", "--states", "states.json")
     for name in ("v", "a", "loop_force", "base_force", "base_moment", "reduced_inertia"):
         assert name in result
     (tmp_path / "states.json").write_text('{"states": [{"q": [], "q": []}]}')
@@ -598,9 +587,7 @@ def test_check_evaluates_given_states(dockloop, tmp_path):
 def test_run_writes_summary_result_and_plots_next_to_the_result(dockloop, runs, tmp_path):
     fmu = runs.fmu("idss_25t_350t")
     result = tmp_path / "out" / "first.csv"
-    outcome = dockloop("run", fmu, "--stop", "3", "--step", "0.1", "-o", result, "--json")
-    assert outcome.status == 0, outcome.err
-    summary = json.loads(outcome.out)
+    summary = dockloop.read("run", fmu, "--stop", "3", "--step", "0.1", "-o", result, "--json")
     assert summary["communication_steps"] == 30
     assert summary == json.loads((tmp_path / "out" / "first_summary.json").read_text())
     for name in summary["files"]:
@@ -617,8 +604,7 @@ def test_run_writes_full_precision_to_npz(dockloop, runs, tmp_path):
     import numpy as np
 
     fmu = runs.fmu("idss_25t_350t")
-    outcome = dockloop("run", fmu, "--stop", "0.1", "-o", "a.npz", "--no-plots")
-    assert outcome.status == 0, outcome.err
+    outcome = dockloop.succeed("run", fmu, "--stop", "0.1", "-o", "a.npz", "--no-plots")
     assert "not captured" in outcome.out or "no contact" in outcome.out
     with np.load(tmp_path / "a.npz") as data:
         assert data["values"].shape == (11, len(data["names"]))
@@ -658,9 +644,7 @@ def test_conditions_at_first_contact_that_no_approach_leads_to_are_refused(dockl
 
 def test_a_run_says_how_many_names_a_star_has_set(dockloop):
     command = ("run", "absorber_1d", "--stop", "0.1", "--no-plots", "-o", "own.csv", "--json")
-    ran = dockloop(*command, "--set", "*.mass=700")
-    assert ran.status == 0, ran.err
-    summary = json.loads(ran.out)
+    summary = dockloop.read(*command, "--set", "*.mass=700")
     assert [summary["parameters"][f"{v}.mass"] for v in ("chaser", "target")] == [700.0, 700.0]
     assert "*.mass=700: 2 names set" in summary["notes"]
     refused = dockloop(*command, "--set", "*.mas=700").err

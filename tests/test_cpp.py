@@ -9,7 +9,6 @@
 
 import json
 import re
-import subprocess
 import zipfile
 from pathlib import Path
 
@@ -20,6 +19,7 @@ from dockloop.base import paths
 from dockloop.base.version import __version__
 from dockloop.fmu.build import build_document
 from dockloop.scene.carried import MODEL
+from programs import call, run
 from test_cli import assert_refused
 
 EXAMPLE = paths.ROOT / "scripts" / "examples" / "cpp"
@@ -31,23 +31,11 @@ needs_release = pytest.mark.skipif(
 )
 
 
-def run(program: str | Path, folder: Path, *words: str | Path) -> subprocess.CompletedProcess:
-    return subprocess.run(
-        [program, *words], cwd=folder, capture_output=True, text=True, check=False
-    )
-
-
-def call(program: str | Path, *words: str | Path, folder: Path) -> str:
-    done = run(program, folder, *words)
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
-
-
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory) -> Path:
     """The prefix of the installed package, which has been moved."""
     folder = tmp_path_factory.mktemp("cpp")
-    call("cmake", "--install", paths.COMPILED, "--prefix", folder / "first", folder=folder)
+    call("cmake", "--install", paths.COMPILED, "--prefix", folder / "first", cwd=folder)
     return (folder / "first").rename(folder / "prefix")
 
 
@@ -56,8 +44,8 @@ def program(installed) -> Path:
     """The example, compiled as a user does it."""
     build = installed.parent / "build"
     options = [f"-DCMAKE_PREFIX_PATH={installed}", f"-DCMAKE_CXX_FLAGS={STRICT}"]
-    call("cmake", "-S", EXAMPLE, "-B", build, *options, folder=installed.parent)
-    call("cmake", "--build", build, folder=installed.parent)
+    call("cmake", "-S", EXAMPLE, "-B", build, *options, cwd=installed.parent)
+    call("cmake", "--build", build, cwd=installed.parent)
     return build / "docking_program"
 
 
@@ -93,7 +81,7 @@ def test_the_installed_files_are_those_of_the_package(installed):
 @needs_release
 def test_the_archive_shows_only_the_names_of_its_header(installed):
     archive = installed / "lib" / "libdockloop.a"
-    lines = call("nm", "-g", "-C", archive, folder=installed).splitlines()
+    lines = call("nm", "-g", "-C", archive, cwd=installed).splitlines()
     names = [line.split(maxsplit=1) for line in lines if " " in line]
     defined = [rest[2:] for first, rest in names if re.fullmatch(r"[0-9a-f]{16}", first)]
     own = r"((typeinfo|typeinfo name|vtable) for )?dockloop::(Docking|UsageError|StepError)\b"
@@ -106,7 +94,7 @@ def test_the_archive_shows_only_the_names_of_its_header(installed):
 @needs_release
 def test_the_example_has_the_bits_of_python(program, document):
     setting = ("friction.coefficient", "0.2")
-    printed = call(program, document, *setting, folder=document.parent)
+    printed = call(program, document, *setting, cwd=document.parent)
     docking = dl.Docking(SCENE)
     docking.set(setting[0], float(setting[1]))
     while not docking.get("captured"):
@@ -126,7 +114,7 @@ def test_the_example_has_the_bits_of_python(program, document):
 def test_a_refused_value_has_the_sentence_of_python(program, document, setting):
     with pytest.raises(dl.UsageError) as refused:
         dl.Docking(SCENE).set(*setting)
-    done = run(program, document.parent, document, setting[0], str(setting[1]))
+    done = run(program, document, *setting, cwd=document.parent)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == f"docking_program: {refused.value}\n"
 
@@ -148,7 +136,7 @@ def test_what_is_wrong_is_one_sentence(program, document, tmp_path, words, sente
     (tmp_path / "torn.json").write_bytes(document.read_bytes()[:-9])
     (tmp_path / "it.fmu").write_bytes(b"PK")
     words = [document if word == "DOCUMENT" else word for word in words]
-    done = run(program, tmp_path, *words)
+    done = run(program, *words, cwd=tmp_path)
     assert done.returncode == 2
     assert done.stderr.startswith(f"docking_program: {sentence}")
     assert done.stderr.count("\n") == 1

@@ -5,20 +5,9 @@ import pytest
 
 import dockloop as dl
 from dockloop.base.errors import UsageError
-from slides import make_element, make_slide, write_slide
+from slides import VEHICLE, make_element, make_slide, write_slide
 
-VEHICLE = """
-title = "A vehicle by itself"
-[chaser]
-mass = 1000
-inertia = [1000, 1000, 1000, 0, 0, 0]
-[initial]
-at = "start"
-[experiment]
-stop = 3.0
-step = 0.3
-[outputs]
-groups = ["energy", "solver"]
+SCENE = f"""{VEHICLE}
 [[disturbance]]
 vehicle = "chaser"
 time = 0.5
@@ -40,7 +29,7 @@ STEPS = [
 @pytest.fixture
 def scene(tmp_path):
     file = tmp_path / "vehicle.toml"
-    file.write_text(VEHICLE)
+    file.write_text(SCENE)
     return str(file)
 
 

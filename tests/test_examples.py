@@ -14,12 +14,12 @@
 import importlib.util
 import json
 import re
-import subprocess
 import sys
 
 import pytest
 
 from dockloop.base import paths
+from programs import call, run
 
 pytestmark = pytest.mark.long  # examples as users run them
 
@@ -35,9 +35,7 @@ NEEDS_BASILISK = pytest.mark.skipif(
 
 def run_example(name, *options):
     """Run an example; returns the finished process."""
-    return subprocess.run(
-        [sys.executable, EXAMPLES / name, *options], capture_output=True, text=True, check=False
-    )
+    return run(sys.executable, EXAMPLES / name, *options)
 
 
 def read_table(name, *options, warns=()):
@@ -131,10 +129,7 @@ def test_the_cells_of_the_notebook_run_from_the_top(tmp_path):
     assert len(cells) > 5
     assert not any(c.get("outputs") for c in notebook["cells"])  # results belong to the user
     script = "\n".join([*cells, 'assert result.summary["captured"] and docking.get("captured")'])
-    done = subprocess.run(
-        [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr[-2000:]
+    call(sys.executable, "-c", script, cwd=tmp_path)
     assert (tmp_path / "docking.html").stat().st_size > 1e5
 
 

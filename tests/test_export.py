@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -18,7 +19,6 @@ pytestmark = pytest.mark.usefixtures("own_folder")
 
 def load_export(name):
     """Return MuJoCo, model and data of a shipped mechanism, the mechanism in bodies, the report."""
-    mujoco = pytest.importorskip("mujoco")
     report = export_mechanism(name, "out.xml")
     m = mujoco.MjModel.from_xml_path("out.xml")
     off = mujoco.mjtDisableBit
@@ -153,7 +153,6 @@ def test_springs_and_dampers_of_legs_are_those_of_the_file():
 
 def test_springs_of_one_joint_add_up_and_nothing_is_left_out_silently():
     """Two springs side by side: k = 100 + 300, rest where both together are at rest."""
-    mujoco = pytest.importorskip("mujoco")
     laws = [
         {"type": "spring", "stages": [[0.0, 100.0]], "rest": 0.2},
         {"type": "spring", "stages": [[0.0, 300.0]]},
@@ -182,7 +181,6 @@ def test_springs_of_one_joint_add_up_and_nothing_is_left_out_silently():
 
 
 def test_what_was_exported_can_be_imported():
-    pytest.importorskip("mujoco")
     export_mechanism("hexapod_bench", "out.xml")
     made = dl.import_mechanism("out.xml", ring="ring")
     first, again = dl.check("hexapod_bench"), made.check

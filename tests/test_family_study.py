@@ -7,6 +7,7 @@ import sys
 import pytest
 
 from dockloop.base.paths import ROOT
+from programs import run
 
 STUDY = ROOT / "tests" / "studies" / "families.py"
 SECTIONS = ("Cost", "Whole sequences", "Where they capture", "The brake", "What must come out")
@@ -26,10 +27,9 @@ def test_the_small_sample_of_the_study_has_each_section(tmp_path):
 
 
 def test_a_sample_does_not_replace_the_page():
-    words = [sys.executable, STUDY, "--quick"]
-    run = subprocess.run(words, check=False, capture_output=True, text=True)
-    assert run.returncode == 2
-    assert "needs another page" in run.stderr
+    refused = run(sys.executable, STUDY, "--quick")
+    assert refused.returncode == 2
+    assert "needs another page" in refused.stderr
 
 
 def test_one_section_of_a_page_is_written_anew(tmp_path):

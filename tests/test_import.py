@@ -9,6 +9,7 @@ import math
 from pathlib import Path
 from xml.etree import ElementTree
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -51,7 +52,6 @@ def evaluate(made, state):
 
 def solve_mujoco(text, q, v, tau):
     """Return MuJoCo's accelerations: its inertia and forces; its cuts by Lagrange multipliers."""
-    mujoco = pytest.importorskip("mujoco")
     m = mujoco.MjModel.from_xml_string(text)
     m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     m.dof_damping[:] = m.jnt_stiffness[:] = 0.0
@@ -91,7 +91,6 @@ def test_a_urdf_tree_accelerates_as_in_mujoco():
 
 
 def test_an_mjcf_tree_accelerates_as_in_mujoco():
-    pytest.importorskip("mujoco")
     wrist = (
         '<body name="w" pos="0.1 0 0.3" euler="0.2 0.1 -0.4"><joint name="x" axis="1 0 0"/>'
         f'<joint name="y" axis="0.6 0.8 0" pos="0 0.1 0"/>{IMPORTED}</body>'
@@ -233,7 +232,6 @@ def mujoco_four_bar():
     ("form", "cut"), [("sdf", ()), ("sdf", ("b",)), ("sdf", ("c",)), ("mjcf", ()), ("mjcf", ("c",))]
 )
 def test_a_four_bar_accelerates_as_in_mujoco_whatever_is_cut(form, cut):
-    pytest.importorskip("mujoco")
     made = bring(write_four_bar() if form == "sdf" else mujoco_four_bar(), cut=list(cut))
     assert made.check["degrees_of_freedom"] == 1
     (loop,) = made.document["loops"]
@@ -262,7 +260,6 @@ def test_a_four_bar_accelerates_as_in_mujoco_whatever_is_cut(form, cut):
 
 
 def test_a_four_bar_with_three_digits_is_closed_within_the_stated_distance():
-    pytest.importorskip("mujoco")
     stated = find_four_bar(1.0)[1]
     text = mujoco_four_bar().replace(f'euler="0 0 {stated!r}"', 'euler="0 0 1.6"')
     for side, (name, length) in enumerate((("coupler", COUPLER), ("rocker", ROCKER)), 1):
@@ -349,7 +346,6 @@ def write_delta():
 
 
 def test_a_delta_robot_accelerates_as_in_mujoco():
-    mujoco = pytest.importorskip("mujoco")
     text, other = write_delta()
     made = bring(text)
     assert made.check["degrees_of_freedom"] == 3
@@ -474,7 +470,6 @@ def test_a_malformed_file_gets_one_sentence_and_nothing_is_written(fault):
     ],
 )  # fmt: skip
 def test_a_malformed_mjcf_gets_one_sentence(text, words):
-    pytest.importorskip("mujoco")
     with pytest.raises(dl.UsageError, match=words) as refused:
         bring(text)
     assert "\n" not in str(refused.value)

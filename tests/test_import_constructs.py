@@ -226,7 +226,6 @@ MJCF_CASES = {
 
 @pytest.mark.parametrize("construct", MJCF_CASES)
 def test_a_construct_of_mjcf_is_mapped_and_reported(construct):
-    pytest.importorskip("mujoco")
     check_case(constructs.MJCF[construct], construct, *MJCF_CASES[construct])
 
 
@@ -280,7 +279,6 @@ def test_what_no_table_lists_is_reported():
     )
 
 
-BALL_PAIR = '<body name="c" pos="0 1 0"><joint type="ball"/>' + IMPORTED + "</body>"
 MJCF_OTHERS = {  # construct: the model that has it, in the words of the format
     "body/inertial": mjcf(),
     "body/site": mjcf(inside='<site name="s"/>'),
@@ -306,7 +304,6 @@ MJCF_OTHERS = {  # construct: the model that has it, in the words of the format
 
 @pytest.mark.parametrize("construct", MJCF_OTHERS)
 def test_other_constructs_of_mjcf_are_reported_or_refused(construct):
-    pytest.importorskip("mujoco")
     row = constructs.MJCF[construct]
     if row.what == constructs.REFUSED:
         with pytest.raises(dl.UsageError, match=f"{construct}.* cannot be mapped: "):

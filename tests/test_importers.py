@@ -8,7 +8,6 @@
 """
 
 import functools
-import subprocess
 import sys
 import zipfile
 from pathlib import Path
@@ -17,6 +16,7 @@ import pytest
 from fmpy import read_model_description
 
 from importers import find_obstacle, run_importer
+from programs import run
 
 pytestmark = pytest.mark.long  # three importers, one of them compiles
 
@@ -66,10 +66,7 @@ def check_statically(fmu):
     """Return status and text of ``fmutool -check``."""
     if reason := find_obstacle("container"):
         pytest.skip(reason)
-    program = Path(sys.executable).parent / "fmutool"
-    done = subprocess.run(
-        [program, "-input", fmu, "-check"], capture_output=True, text=True, check=False
-    )
+    done = run(Path(sys.executable).parent / "fmutool", "-input", fmu, "-check")
     return done.returncode, done.stdout + done.stderr
 
 

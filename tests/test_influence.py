@@ -15,8 +15,6 @@ import sys
 import numpy as np
 import pytest
 
-pytest.importorskip("scipy")
-
 from dockloop.base.errors import DockloopError
 from dockloop.report.influence import can_rank, find_cut, find_influence
 from dockloop.report.sweep_sections import _explain_ranks, say_cut

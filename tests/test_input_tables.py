@@ -14,21 +14,10 @@ from dockloop.base.errors import UsageError
 from dockloop.fmu.build import build_fmu
 from dockloop.native.core import number_choice
 from extreme_cases.fmi_host import OK, Host
-from slides import make_element, make_slide, write_slide
+from slides import VEHICLE, make_element, make_slide, write_slide
 
 MASS = 1000.0
-VEHICLE = """
-title = "A vehicle by itself"
-[chaser]
-mass = 1000
-inertia = [1000, 1000, 1000, 0, 0, 0]
-[initial]
-at = "start"
-[experiment]
-stop = 3.0
-step = 0.3
-[outputs]
-groups = ["energy", "solver"]
+SCENE = f"""{VEHICLE}
 [[input]]
 file = "jets.csv"
 """
@@ -63,7 +52,7 @@ def find_motion(stop, *, is_held=False):
 
 @pytest.fixture
 def write(tmp_path):
-    def call(text=TABLE, more="", scene=VEHICLE):
+    def call(text=TABLE, more="", scene=SCENE):
         (tmp_path / "jets.csv").write_text(text)
         file = tmp_path / "vehicle.toml"
         file.write_text(scene + more)

@@ -149,8 +149,7 @@ def test_a_saved_state_goes_on_with_the_same_bits(pair):
 @pytest.mark.parametrize("compiler", ["no-such-compiler", "false"])
 def test_without_a_compiler_there_is_no_kernel(dockloop, monkeypatch, tmp_path, compiler):
     monkeypatch.setenv("CC", compiler)
-    outcome = dockloop("build", SCENE, "-o", tmp_path / "a.fmu")
-    assert outcome.status == 0
+    outcome = dockloop.succeed("build", SCENE, "-o", tmp_path / "a.fmu")
     assert "kernel: none: " in outcome.out
     assert ENTRY not in zipfile.ZipFile(tmp_path / "a.fmu").namelist()
     outcome = dockloop("build", SCENE, "--kernel", "-o", tmp_path / "b.fmu")
@@ -162,8 +161,7 @@ def test_without_a_compiler_there_is_no_kernel(dockloop, monkeypatch, tmp_path, 
 
 @needs_compiler
 def test_the_command_says_what_was_made(dockloop, tmp_path):
-    outcome = dockloop("build", SCENE, "--kernel", "-o", tmp_path / "a.fmu")
-    assert outcome.status == 0
+    outcome = dockloop.succeed("build", SCENE, "--kernel", "-o", tmp_path / "a.fmu")
     assert "kernel: operations " in outcome.out
     assert ENTRY in zipfile.ZipFile(tmp_path / "a.fmu").namelist()
     outcome = dockloop("build", SCENE, "--no-kernel", "-o", tmp_path / "b.fmu")

@@ -11,6 +11,7 @@ import zipfile
 
 import numpy as np
 import pytest
+from scipy import interpolate
 
 import dockloop as dl
 from dockloop.base.errors import DockloopError, UsageError
@@ -18,8 +19,6 @@ from dockloop.fmu.build import build_fmu
 from dockloop.native.variables import list_outputs
 from extreme_cases.fmi_host import Host
 from slides import make_element, make_slide, write_slide
-
-interpolate = pytest.importorskip("scipy.interpolate")
 
 MASS = 40.0
 TRAVEL = [-0.05, -0.01, 0.0, 0.02, 0.06]

@@ -220,8 +220,7 @@ def test_a_bad_frequency_is_refused(pressed, frequency):
 
 @pytest.mark.parametrize("scene", ["idss_25t_350t", "hexapod_bench"])
 def test_what_the_command_prints_fits_a_page(dockloop, scene):
-    outcome = dockloop("linearise", scene, "--at", "0.1")
-    assert outcome.status == 0, outcome.err
+    outcome = dockloop.succeed("linearise", scene, "--at", "0.1")
     assert max(map(len, outcome.out.splitlines())) <= 100
     assert f"build/results/{scene}/{scene}_linear.png" in outcome.out
 

@@ -75,9 +75,7 @@ def test_the_page_has_the_bits_of_the_exported_command(dockloop, more):
     shown = json.loads(json.dumps(condense(bench.compute(more))))
     words = shlex.split(make_exports(bench, more)["command"])
     assert words[:3] == ["dockloop", "run", DEFAULT]
-    outcome = dockloop(*words[1:], "--json", "--no-plots")
-    assert outcome.status == 0, outcome.err
-    ran = json.loads(outcome.out)
+    ran = dockloop.read(*words[1:], "--json", "--no-plots")
     assert shown == {name: ran[name] for name in shown}
     assert {"outcome", "time_of_contact", "peak_loads", "energy"} <= shown.keys()
 

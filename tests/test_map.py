@@ -14,19 +14,17 @@ import math
 import os
 import shlex
 import signal
-import subprocess
 import sys
 import time
 from pathlib import Path
 
 import pytest
 
-pytest.importorskip("scipy")
-
 from dockloop.cli import _make_parser
 from dockloop.runs.crew import Crew
 from dockloop.runs.judging import VERDICTS, Case, Verdict, find_promise, find_verdict, judge
 from dockloop.studies.maps.command import _make_command
+from programs import run
 
 SCENE = "idss_25t_350t"
 SHORT = {"initial.approach_time": 0.1}
@@ -177,8 +175,7 @@ def test_an_ending_becomes_a_verdict():
 def mapped(tmp_path_factory):
     """A map of the absorber: fixed steps that are too long are off."""
     folder = tmp_path_factory.mktemp("map")
-    words = [sys.executable, "-m", "dockloop", *MAP, "-o", str(folder), "--json"]
-    ran = subprocess.run(words, capture_output=True, text=True, check=False)
+    ran = run(sys.executable, "-m", "dockloop", *MAP, "-o", folder, "--json")
     assert ran.returncode == 0, ran.stderr
     return folder, json.loads(ran.stdout), ran.stderr
 
@@ -213,8 +210,7 @@ def test_the_page_has_picture_table_and_command(mapped):
 def test_a_map_resumes_without_a_point_twice(dockloop, mapped):
     folder, summary, _ = mapped
     before = (folder / "points.csv").read_text()
-    again = dockloop(*MAP, "-o", str(folder), "--resume", "--json")
-    assert again.status == 0, again.err
+    again = dockloop.succeed(*MAP, "-o", str(folder), "--resume", "--json")
     assert json.loads(again.out)["time"]["ran"] == 0
     assert (folder / "points.csv").read_text() == before
     assert json.loads(again.out)["verdicts"] == summary["verdicts"]
@@ -230,8 +226,7 @@ def test_a_point_runs_alone(dockloop, mapped, tmp_path):
     words = shlex.split(row["command"])
     assert words[:3] == ["dockloop", "run", "absorber_1d"]
     assert words[words.index("--step") + 1] == repr(float(row["experiment.step"]))
-    alone = dockloop(*words[1:], "-o", str(tmp_path / "r.csv"), "--no-plots", "--json")
-    assert alone.status == 0, alone.err
+    dockloop.succeed(*words[1:], "-o", str(tmp_path / "r.csv"), "--no-plots", "--json")
     counted = json.loads(Path(tmp_path / "r_summary.json").read_text())
     assert counted["solver"]["rhs_evaluations"] == float(row["evaluations"])
 

@@ -27,13 +27,11 @@ LATER = ("--scene", "initial.approach_time=0.5")
 
 
 def run_absorber(dockloop, *options):
-    ran = dockloop("run", "absorber_1d", *LATER, *options, "--no-plots", "-o", "own.csv")
-    assert ran.status == 0, ran.err
+    dockloop.succeed("run", "absorber_1d", *LATER, *options, "--no-plots", "-o", "own.csv")
 
 
 def compare_rig(dockloop, *options):
-    ran = dockloop("compare", "own.csv", RIG, "--json", *options)
-    assert ran.status == 0, ran.err
+    ran = dockloop.succeed("compare", "own.csv", RIG, "--json", *options)
     return json.loads(ran.out)
 
 
@@ -113,8 +111,7 @@ def test_data_of_the_run_itself_that_go_on_behind_its_end_need_no_shift():
 
 
 def test_the_shift_that_leaves_the_run_is_named(dockloop, tmp_path):
-    ran = dockloop("run", "absorber_1d", "-o", tmp_path / "own.csv", "--no-plots")
-    assert ran.status == 0, ran.err
+    dockloop.succeed("run", "absorber_1d", "-o", tmp_path / "own.csv", "--no-plots")
     rig = tmp_path / "rig.csv"
     rig.write_text("time,capture.compression\n0,0\n0.2,900\n0.7,1750\n1.5,800\n")
     found = dockloop("compare", tmp_path / "own.csv", rig)

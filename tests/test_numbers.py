@@ -143,8 +143,6 @@ def test_what_a_mask_hides_is_no_number():
 
 @pytest.mark.parametrize("place", PLACES)
 def test_python_takes_numbers_of_python_and_numpy_and_refuses_all_else(place):
-    pytest.importorskip("pandas")
-    pytest.importorskip("scipy")
     for value in NUMBERS:
         assert is_number(value)
         PLACES[place](value)

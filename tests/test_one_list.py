@@ -12,7 +12,6 @@ import itertools
 import json
 import math
 import re
-import subprocess
 from pathlib import Path
 
 import pytest
@@ -23,6 +22,7 @@ from dockloop.native.core import list_loads, load_core
 from dockloop.native.variables import TYPES
 from dockloop.runs.docking import Docking
 from dockloop.scene.mechanism import check_mechanism
+from programs import call
 
 ROOT = Path(__file__).resolve().parent.parent
 SOURCES = ("src", "fmu", "scripts", "modelDescription/*.schema.json")
@@ -197,10 +197,7 @@ def find_numbers(text, choices):
 
 def read_sources():
     """Name and text of every file of the product that can type a list."""
-    names = subprocess.run(
-        ["git", "ls-files", *SOURCES], cwd=ROOT, capture_output=True, text=True, check=True
-    ).stdout.split()
-    for name in names:
+    for name in call("git", "ls-files", *SOURCES, cwd=ROOT).split():
         path = ROOT / name
         if path.suffix in SUFFIXES and not name.startswith(NOT_LISTS) and path.is_file():
             yield name, path.read_text(encoding="utf-8")

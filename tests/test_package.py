@@ -7,6 +7,7 @@
    everything.
 """
 
+import functools
 import json
 import os
 import platform
@@ -25,6 +26,8 @@ from dockloop.base import paths
 sys.path.append(str(paths.ROOT / "scripts" / "lib"))
 
 from make_wheel import lay_out, write_wheel
+
+import programs
 
 SWEEP = """
 scene = "absorber_1d"
@@ -45,18 +48,7 @@ def check_package(python: list, folder: Path, environment: dict[str, str]) -> No
     folder.mkdir()
     clean = {name: value for name, value in os.environ.items() if not name.startswith("DOCKLOOP_")}
 
-    def call(*words: str) -> str:
-        done = subprocess.run(
-            [*python, *words],
-            cwd=folder,
-            env=clean | environment,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert done.returncode == 0, done.stderr
-        return done.stdout
-
+    call = functools.partial(programs.call, *python, cwd=folder, env=clean | environment)
     where = call("-c", "from dockloop.base import paths; print(paths.ROOT)")
     assert not Path(where.strip()).is_relative_to(paths.ROOT)
     ran = json.loads(call("-m", "dockloop", "run", "absorber_1d", "--stop", "0.2", "--json"))
@@ -82,41 +74,29 @@ def test_a_package_outside_of_the_clone_has_all_that_it_needs(tmp_path):
 
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="the wheel is for Linux x86_64")
 def test_the_wheel_works_without_a_compiler(tmp_path):
-    pytest.importorskip("auditwheel")
-    for package in ("pandas", "pyarrow", "scipy"):
-        pytest.importorskip(package)
     wheel = write_wheel(tmp_path / "wheels")
     assert re.fullmatch(r"dockloop-[\d.]+-cp3\d+-cp3\d+-manylinux_2_\d+_x86_64\.whl", wheel.name)
     assert write_wheel(tmp_path / "again").read_bytes() == wheel.read_bytes()
     subprocess.run([sys.executable, "-m", "venv", tmp_path / "venv"], check=True)
-    programs = tmp_path / "venv" / "bin"
+    place = tmp_path / "venv" / "bin"
     install = ("-m", "pip", "install", "--quiet", "--no-deps", "--no-index", str(wheel))
-    subprocess.run([programs / "python", *install], check=True)
+    subprocess.run([place / "python", *install], check=True)
     # Packages that dockloop needs are taken from .venv, but not dockloop: it comes from the wheel.
     site = next((tmp_path / "venv" / "lib").glob("python3*/site-packages"))
     (site / "needed.pth").write_text(sysconfig.get_paths()["purelib"])
-    use_without_a_compiler(programs, site, tmp_path)
+    use_without_a_compiler(place, site, tmp_path)
 
 
-def use_without_a_compiler(programs: Path, site: Path, home: Path) -> None:
+def use_without_a_compiler(place: Path, site: Path, home: Path) -> None:
     """Run, build, sweep and view with an installed package; no compiler is on the path."""
     folder = home / "elsewhere"
     folder.mkdir()
     (folder / "mine.toml").write_text(SWEEP)
-    environment = {"PATH": str(programs), "HOME": str(home)}
-    assert not any(shutil.which(name, path=str(programs)) for name in ("cc", "gcc", "c++", "clang"))
+    environment = {"PATH": str(place), "HOME": str(home)}
+    assert not any(shutil.which(name, path=str(place)) for name in ("cc", "gcc", "c++", "clang"))
 
-    def call(*words: str) -> str:
-        done = subprocess.run(
-            [programs / words[0], *words[1:]],
-            cwd=folder,
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert done.returncode == 0, done.stderr
-        return done.stdout
+    def call(name: str, *words: str) -> str:
+        return programs.call(place / name, *words, cwd=folder, env=environment)
 
     where = call("python", "-c", "import dockloop, dockloop._core as c; print(c.__file__)").strip()
     assert Path(where).is_relative_to(site), where

@@ -13,6 +13,7 @@
 6. What does not run here is in `ELSEWHERE`, with the reason; each entry is needed.
 """
 
+import functools
 import json
 import re
 import shlex
@@ -27,9 +28,6 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-pytest.importorskip("pyarrow")
-pytest.importorskip("scipy")
-
 import dockloop as dl
 from dockloop import cli
 from dockloop.base import paths
@@ -43,6 +41,7 @@ from dockloop.sweeps import sampling
 from dockloop.sweeps.planning import Planner
 from dockloop.sweeps.sampling import read_sweep
 from dockloop.view.browser import find_browser
+from programs import call
 from test_words import list_files
 
 DEFAULT = "idss_25t_350t"
@@ -254,8 +253,7 @@ def test_the_commands_of_a_page_run(dockloop, folder, block):
         if not all(found() for option, found in NEEDS.items() if option in words):
             continue
         cut = () if words[0] in WHOLE else SHORT.get(command, ())
-        outcome = dockloop(command, *words, *cut)
-        assert outcome.status == 0, (line, outcome.err)
+        dockloop.succeed(command, *words, *cut)
 
 
 @pytest.mark.parametrize("words", [pytest.param(w, id=" ".join(w)[:60]) for w in SPOKEN])
@@ -309,12 +307,9 @@ def test_the_reader_of_sweeps_takes_what_a_page_shows(block, tmp_path):
 @pytest.mark.long
 @pytest.mark.parametrize("block", choose("python"))
 def test_the_programs_of_a_page_run(block, folder):
-    done = subprocess.run(
-        [sys.executable, "-c", block.text], cwd=folder, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr[-2000:]
+    said = call(sys.executable, "-c", block.text, cwd=folder)
     if block.place.startswith("README.md"):
-        assert 100 < float(done.stdout.split()[-2]) < 3500  # N, below the rated load
+        assert 100 < float(said.split()[-2]) < 3500  # N, below the rated load
 
 
 MANY = r"(?<=^cases = )\d{4,}"  # of a tutorial: as many as a test has time for
@@ -356,11 +351,7 @@ def test_a_tutorial_runs_from_its_first_line_to_its_last(page, dockloop, own_fol
     parts = re.split(r"^```(\w*)\n(.*?)^```", (paths.ROOT / page).read_text(), flags=re.M | re.S)
     printed, shown = "", 0
 
-    def run_python(*words):
-        done = subprocess.run([sys.executable, *words], capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stderr[-2000:]
-        return done.stdout
-
+    run_python = functools.partial(call, sys.executable)
     for before, language, block in zip(parts[::3], parts[1::3], parts[2::3], strict=False):
         names = re.findall(rf"`(\w+\.{language.replace('python', 'py')})`", before)
         if language == "text":
@@ -378,8 +369,7 @@ def test_a_tutorial_runs_from_its_first_line_to_its_last(page, dockloop, own_fol
                 if program == ".venv/bin/python":
                     printed += run_python(*words)
                 elif not find_reason(line):
-                    outcome = dockloop(*words)
-                    assert outcome.status == 0, (line, outcome.err)
+                    outcome = dockloop.succeed(*words)
                     printed += outcome.out
     assert shown
 

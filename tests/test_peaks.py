@@ -8,6 +8,7 @@ import math
 from types import SimpleNamespace
 
 import numpy as np
+import pyarrow
 import pytest
 
 import dockloop as dl
@@ -96,7 +97,6 @@ def test_what_ends_before_its_scene_says_what_it_has_not_seen(stop):
 
 
 def test_inputs_are_ranked_for_the_peaks_of_each_step_apart():
-    pyarrow = pytest.importorskip("pyarrow")
     from dockloop.report.sweep_sections import _split_by_step
 
     name, planner = "capture.peak.tension", SimpleNamespace(base=SCENE)

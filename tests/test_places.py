@@ -15,6 +15,7 @@ import pytest
 from dockloop.base import paths
 from dockloop.base.errors import DockloopError
 from dockloop.native import compiled
+from programs import run
 
 DOCKLOOP = [sys.executable, "-m", "dockloop"]
 RUN = ["run", "absorber_1d", "--stop", "0.1", "--no-plots"]
@@ -23,8 +24,7 @@ GONE = "the current folder is not there any more: change to another folder\n"
 
 def call(script, *words, **more):
     """Let a shell run a command, with `script` after it."""
-    command = ["sh", "-c", f'"$@" {script}', "sh", *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, check=False, **more)
+    return run("sh", "-c", f'"$@" {script}', "sh", *words, **more)
 
 
 def run_python(text, folder):
@@ -65,13 +65,7 @@ def test_a_current_folder_that_is_gone_is_named(tmp_path, output):
     gone = tmp_path / "gone"
     gone.mkdir()
     words = [*DOCKLOOP, *RUN, "-o", output.replace("OUTSIDE", str(tmp_path))]
-    done = subprocess.run(
-        ["sh", "-c", 'rmdir ../gone && "$@"', "sh", *words],
-        cwd=gone,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = run("sh", "-c", 'rmdir ../gone && "$@"', "sh", *words, cwd=gone)
     assert (done.returncode, done.stderr) == (2, f"dockloop: {GONE}")
 
 
@@ -85,7 +79,6 @@ def test_a_script_in_a_folder_that_is_gone_gets_the_error_of_this_package(tmp_pa
 
 
 def test_a_script_without_a_guard_runs_worker_processes(tmp_path):
-    pytest.importorskip("distributed")
     done = run_python(
         "import sys, dockloop as dl\nname = __file__\nprint('begin')\n"
         "print(len(dl.sweep('absorber_1d_speeds', engine='fmu', workers=1)))\n"
@@ -180,7 +173,6 @@ def test_a_request_to_end_leaves_no_files_behind(tmp_path):
 
 def test_a_sweep_on_workers_leaves_no_files_and_looks_at_none_of_its_folder(tmp_path):
     """As in github.com/joblib/joblib/issues/1378: a module of Python in the current folder."""
-    pytest.importorskip("distributed")
     folder = tmp_path / "temporary"
     folder.mkdir()
     for name in ("signal", "types", "copy"):

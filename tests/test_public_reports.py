@@ -18,6 +18,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+import pandas
 import pytest
 
 import dockloop as dl
@@ -27,7 +28,8 @@ from dockloop.fmu.build import build_fmu
 from dockloop.scene.values import to_text
 from extreme_cases.fmi_host import OK, Host
 from import_files import ARM, IMPORTED, ROBOT_LINK, bring, joint, link, mjcf, sdf, turn, urdf
-from test_input_tables import VEHICLE as JETS
+from programs import run
+from test_input_tables import SCENE as JETS
 
 pytestmark = pytest.mark.usefixtures("own_folder")
 SCENE = "absorber_1d"
@@ -257,7 +259,6 @@ RIGHT = [  # thread, file, what must hold of what is made
 
 @pytest.mark.parametrize(("thread", "make", "holds"), RIGHT, ids=[row[0] for row in RIGHT])
 def test_a_report_on_imports_is_right(thread, make, holds):
-    pytest.importorskip("mujoco")
     made = make()
     assert holds(made), (made.document, made.report)
 
@@ -287,8 +288,6 @@ REFUSED = [  # thread, file, words of the refusal
 
 @pytest.mark.parametrize(("thread", "text", "words"), REFUSED, ids=[row[0] for row in REFUSED])
 def test_a_report_on_imports_is_one_sentence(thread, text, words):
-    if text.startswith("<mujoco"):
-        pytest.importorskip("mujoco")
     said = refusal(lambda: bring(text))
     assert all(word in said for word in words), said
 
@@ -482,7 +481,6 @@ def test_what_stands_next_to_a_linked_file_is_found(tmp_path):
 
 
 def test_a_table_of_cases_without_rows_is_refused():
-    pandas = pytest.importorskip("pandas")
     said = refusal(lambda: dl.sweep({"scene": SCENE}, cases=pandas.DataFrame({"chaser.mass": []})))
     assert said == "cases: has no rows: must have one for each case"
 
@@ -582,7 +580,6 @@ def test_states_of_a_mechanism_may_be_given_as_a_text():
 
 def test_a_backend_that_does_not_exist_costs_the_figures_only():
     """JuliaPy/PyPlot.jl#474, matplotlib/matplotlib#6699: a setting of another machine."""
-    pytest.importorskip("matplotlib")
     program = """
 from dockloop.base.figures import can_draw
 from dockloop.base.progress import import_optional
@@ -594,8 +591,8 @@ except Exception as error:
 """
     path = str(paths.ROOT / "scripts")
     env = {**os.environ, "MPLBACKEND": "nonsense", "PYTHONPATH": path}
-    order = [sys.executable, "-c", program]
-    ran = subprocess.run(order, capture_output=True, text=True, env=env, check=True)
+    ran = run(sys.executable, "-c", program, env=env)
+    assert ran.returncode == 0
     assert "no figures are drawn: matplotlib does not start with its settings" in ran.stderr
     assert ran.stdout.startswith("DockloopError the package matplotlib does not start with its")
 

@@ -127,13 +127,11 @@ def test_a_summary_counts_and_names_what_is_bad():
 
 def test_the_command_counts_resumes_and_fails_when_a_scene_is_bad(dockloop, tmp_path, monkeypatch):
     words = ("extremes", "--random", "2", "--seed", "4", "--workers", "1", "-o", str(tmp_path))
-    reported = dockloop(*words, "--json")
-    assert reported.status == 0, reported.err
+    reported = dockloop.succeed(*words, "--json")
     counts = json.loads(reported.out.splitlines()[-1])
     assert sum(counts[name] for name in VERDICTS) == counts["scenes"] == 2
     before = (tmp_path / "random.md").read_text()
-    again = dockloop(*words, "--resume")
-    assert again.status == 0, again.err
+    again = dockloop.succeed(*words, "--resume")
     assert "right" in again.out
     assert (tmp_path / "random.md").read_text() == before
     bad = Drawn(1, Case("absorber_1d"), Verdict("hung", "no end"))

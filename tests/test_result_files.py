@@ -11,9 +11,6 @@ import json
 
 import numpy as np
 import pytest
-
-pytest.importorskip("pyarrow")
-
 from pyarrow import parquet
 
 from dockloop.base.errors import UsageError
@@ -29,8 +26,7 @@ def test_all_formats_hold_the_same_numbers(dockloop, tmp_path, chosen):
     results, summaries = [], []
     for suffix in ("csv", "npz", "parquet", "xlsx", "mat", "h5"):
         file = tmp_path / f"own.{suffix}"
-        done = dockloop(*RUN, *chosen, "-o", str(file))
-        assert done.status == 0, done
+        done = dockloop.succeed(*RUN, *chosen, "-o", str(file))
         results.append(read_result(file))
         summaries.append(json.loads(done.out))
     csv, npz, parquet_, excel, *others = results
@@ -52,8 +48,7 @@ def test_all_formats_hold_the_same_numbers(dockloop, tmp_path, chosen):
 
 def test_a_row_of_units_is_written_on_request(dockloop, tmp_path):
     file = tmp_path / "own.csv"
-    plain = dockloop(*RUN, *CHOSEN, "-o", str(file))
-    assert plain.status == 0
+    plain = dockloop.succeed(*RUN, *CHOSEN, "-o", str(file))
     without = file.read_text()
     assert dockloop(*RUN, *CHOSEN, "--units-row", "-o", str(file)).status == 0  # replaces its own
     names, units, *rows = file.read_text().splitlines()
@@ -66,18 +61,16 @@ def test_a_row_of_units_is_written_on_request(dockloop, tmp_path):
 
 
 def test_chosen_outputs_leave_the_summary_as_it_is(dockloop, tmp_path):
-    whole = json.loads(dockloop(*RUN, "-o", str(tmp_path / "whole.npz")).out)
-    part = json.loads(dockloop(*RUN, *CHOSEN, "-o", str(tmp_path / "part.npz")).out)
+    whole = dockloop.read(*RUN, "-o", str(tmp_path / "whole.npz"))
+    part = dockloop.read(*RUN, *CHOSEN, "-o", str(tmp_path / "part.npz"))
     for name in ("outcome", "explanation", "peak_loads", "energy", "legs", "solver"):
         assert part[name] == whole[name], name
 
 
 def test_chosen_outputs_draw_the_figures_that_they_allow(dockloop, tmp_path):
-    pytest.importorskip("matplotlib")
-    done = dockloop(*RUN[:-2], "--outputs", "relative.axial", "-o", str(tmp_path / "own.csv"))
-    assert done.status == 0, done
+    dockloop.succeed(*RUN[:-2], "--outputs", "relative.axial", "-o", str(tmp_path / "own.csv"))
     assert {file.name for file in tmp_path.glob("own*.png")} == set()
-    done = dockloop(*RUN[:-2], "--outputs", "capture.", "-o", str(tmp_path / "own.csv"))
+    dockloop.succeed(*RUN[:-2], "--outputs", "capture.", "-o", str(tmp_path / "own.csv"))
     assert {file.name for file in tmp_path.glob("own*.png")} == {
         "own_loads.png",
         "own_components.png",
@@ -114,6 +107,5 @@ def test_the_size_depends_on_rows_columns_and_format():
 def test_view_reads_the_table_of_a_run(dockloop, tmp_path):
     file = tmp_path / "own.parquet"
     dockloop(*RUN, "-o", str(file))
-    done = dockloop("view", str(file))
-    assert done.status == 0, done
+    dockloop.succeed("view", str(file))
     assert (tmp_path / "own_view.html").exists()

@@ -14,21 +14,17 @@
 
 import json
 import re
-import subprocess
 import sys
 import time
 
 import pytest
-
-pytest.importorskip("sphinx")
-pytest.importorskip("furo")
-pytest.importorskip("myst_parser")
 
 import dockloop as dl
 from dockloop.base import paths
 from dockloop.base.errors import DockloopError
 from dockloop.commands import COMMANDS
 from dockloop.view.browser import Browser, find_browser
+from programs import call, run
 from test_words import list_files
 
 pytestmark = pytest.mark.long  # a minute: the dockings of the gallery, and all pages
@@ -43,9 +39,7 @@ def site(tmp_path_factory):
     """The site, made once; index.html was there before, as an older site."""
     folder = tmp_path_factory.mktemp("site") / "made"
     folder.mkdir()
-    words = [sys.executable, MAKE, "-o", folder]
-    done = subprocess.run(words, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    call(sys.executable, MAKE, "-o", folder)
     return folder
 
 
@@ -195,7 +189,6 @@ def test_a_site_is_replaced(site, make):
 
 
 def test_bad_usage_is_refused():
-    words = [paths.ROOT / "scripts" / "site", "--fast"]
-    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    done = run(paths.ROOT / "scripts" / "site", "--fast")
     assert done.returncode == 2
     assert done.stderr == "error: scripts/site knows -o FOLDER and --help, not '--fast'\n"

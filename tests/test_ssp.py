@@ -18,7 +18,6 @@
 import functools
 import re
 import shutil
-import subprocess
 import sys
 import xml.etree.ElementTree as ET
 import zipfile
@@ -34,6 +33,7 @@ from dockloop.fmu.build import build_fmu
 from dockloop.fmu.ssp import build_ssp
 from extreme_cases.fmi_host import Host
 from importers import find_obstacle, record_importer, run_importer
+from programs import call
 
 pytestmark = pytest.mark.long  # four importers run whole packages
 
@@ -456,12 +456,9 @@ def test_the_programs_in_the_readme_run(package, tmp_path, importer, word):
     )
     (program,) = (block for block in blocks if word in block)
     shutil.copy(package, tmp_path / "docking.ssp")
-    done = subprocess.run(
-        [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr[-2000:]
+    said = call(sys.executable, "-c", program, cwd=tmp_path)
     made = {"libcosim": "results/docking_*.csv", "container": "docking.fmu"}.get(importer)
-    assert list(tmp_path.glob(made)) if made else float(done.stdout.split()[-1]) != 0.0
+    assert list(tmp_path.glob(made)) if made else float(said.split()[-1]) != 0.0
 
 
 @pytest.mark.parametrize(
@@ -471,14 +468,8 @@ def test_the_example_runs(master):
     if reason := find_obstacle(master.replace("-", " ")):
         pytest.skip(reason)
     program = paths.ROOT / "scripts/examples/masters.py"
-    done = subprocess.run(
-        [sys.executable, program, "--master", master, "--stop", "0.05"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr[-2000:]
-    rows = dict(re.findall(r"^(\S+)(?: \w+)? +(\S.*)$", done.stdout, re.MULTILINE))
+    said = call(sys.executable, program, "--master", master, "--stop", "0.05")
+    rows = dict(re.findall(r"^(\S+)(?: \w+)? +(\S.*)$", said, re.MULTILINE))
     assert rows["outcome"].split() == ["undecided", "undecided"]
     found, expected, difference = map(float, rows["relative.axial"].split())
     assert abs(difference) < 1e-9

@@ -20,14 +20,9 @@ import threading
 import tracemalloc
 from contextlib import closing
 
+import dask
 import numpy as np
 import pytest
-
-pytest.importorskip("distributed")
-pytest.importorskip("pyarrow")
-pytest.importorskip("scipy")
-
-import dask
 from distributed import LocalCluster
 from pyarrow import parquet
 
@@ -356,8 +351,7 @@ step = 0.25
 
 def test_failures_are_rows_with_a_reason(dockloop, cluster, tmp_path):
     path = write(tmp_path, FAILING)
-    reported = dockloop("sweep", path, "--scheduler", cluster.scheduler_address)
-    assert reported.status == 0, reported.err
+    reported = dockloop.succeed("sweep", path, "--scheduler", cluster.scheduler_address)
     assert "1 done, 6 refused, 1 failed" in " ".join(reported.out.split()), reported.out
     rows = parquet.read_table("build/sweeps/mine/mine.parquet").to_pylist()
     assert [row["status"] for row in rows] == ["done", "failed", *["refused"] * 6]
@@ -444,8 +438,7 @@ def test_cases_that_repeat_others_run_once_and_change_no_byte(dockloop, tmp_path
         return submit(self, values)
 
     monkeypatch.setattr(executors.CoreThreads, "submit", count)
-    once = dockloop(*command, "once.parquet")
-    assert once.status == 0, once.err
+    once = dockloop.succeed(*command, "once.parquet")
     assert len(begun) == 10
     clock = json.loads(once.out)["time"]
     assert (clock["ran"], clock["repeats"]) == (24, 14)
@@ -455,13 +448,13 @@ def test_cases_that_repeat_others_run_once_and_change_no_byte(dockloop, tmp_path
     assert sorted(line.rstrip() for line in found) == lines
 
     journal.write_text("".join([header, *found[:9]]))
-    again = dockloop(*[word for word in command if word != "--json"], "once.parquet", "--resume")
-    assert again.status == 0, again.err
+    again = dockloop.succeed(
+        *[word for word in command if word != "--json"], "once.parquet", "--resume"
+    )
     assert "have the scene and start values of another case" in " ".join(again.out.split())
     assert (tmp_path / "once.parquet").read_bytes() == table
 
-    fmu = dockloop(*command, "fmu.parquet", "--engine", "fmu")
-    assert fmu.status == 0, fmu.err
+    fmu = dockloop.succeed(*command, "fmu.parquet", "--engine", "fmu")
     assert json.loads(fmu.out)["time"]["repeats"] == 14
     assert json.loads(fmu.out)["fmus_built"] == 10
     rows = [parquet.read_table(f"{name}.parquet").to_pylist() for name in ("fmu", "every")]

@@ -19,14 +19,9 @@ import tracemalloc
 from pathlib import Path
 
 import numpy as np
-import pytest
-
-pytest.importorskip("distributed")
-pytest.importorskip("pyarrow")
-pytest.importorskip("scipy")
-
 import pandas as pd
 import pyarrow as pa
+import pytest
 from pyarrow import parquet
 
 import dockloop as dl
@@ -136,9 +131,9 @@ def test_the_command_line_refuses_bad_usage(dockloop):
 
 def test_the_worst_case_runs_alone_to_the_bits_of_its_row(dockloop, cluster, reference, tmp_path):
     path, _ = reference
-    reported = dockloop("sweep", path, "--scheduler", cluster.scheduler_address, "--json", "--csv")
-    assert reported.status == 0, reported.err
-    summary = json.loads(reported.out)
+    summary = dockloop.read(
+        "sweep", path, "--scheduler", cluster.scheduler_address, "--json", "--csv"
+    )
     for file in summary["files"]:
         assert Path(file).stat().st_size > 0, file
     assert {Path(file).suffix for file in summary["files"]} == {".parquet", ".csv", ".png", ".json"}
@@ -148,8 +143,7 @@ def test_the_worst_case_runs_alone_to_the_bits_of_its_row(dockloop, cluster, ref
 
     program, *command = shlex.split(summary["worst"]["command"])
     assert program == "dockloop"
-    alone = dockloop(*command, "--no-plots", "--json", "-o", "worst.npz")
-    assert alone.status == 0, alone.err
+    alone = dockloop.succeed(*command, "--no-plots", "--json", "-o", "worst.npz")
     assert json.loads(alone.out)["outcome"] == worst["outcome"]
     recorded = np.load("worst.npz")
     last = dict(zip(recorded["names"].tolist(), recorded["values"][-1].tolist(), strict=True))
@@ -189,8 +183,7 @@ def test_the_metadata_of_the_table_holds_units_and_the_whole_set_up(reference, t
 
 def test_named_cases_set_what_they_name_and_nothing_else(dockloop, tmp_path):
     write(tmp_path, vary(NAMED, more="[experiment]\nstop = 3.0\nstep = 0.5"))
-    sweep = dockloop("sweep", "mine.toml", "--no-plots")
-    assert sweep.status == 0, sweep.err
+    sweep = dockloop.succeed("sweep", "mine.toml", "--no-plots")
     rows = parquet.read_table("build/sweeps/mine/mine.parquet").to_pylist()
     assert [row["variant"] for row in rows] == ["as it is", "heavy"]
     lines = sweep.out.partition("\nCases\n")[2].splitlines()
@@ -225,8 +218,7 @@ def test_critical_cases_run_again_at_another_accuracy(dockloop, tmp_path, monkey
     monkeypatch.setattr(sweep_table, "_PART", 5)
     path, table = write(tmp_path, SHORT), tmp_path / "own.parquet"
     command = ("sweep", str(path), *PASSES, "-o", str(table), "--no-plots", "--json", "--report")
-    done = dockloop(*command)
-    assert done.status == 0, done
+    done = dockloop.succeed(*command)
     found = json.loads(done.out)["refined"]
     rows = parquet.read_table(table).to_pylist()
     cheap, fine = (dl.sweep(path, accuracy=each).to_dict("records") for each in (1e-2, 1e-4))
@@ -303,9 +295,7 @@ def test_a_table_in_parts_has_the_same_bytes_for_any_order_of_the_journal(
     monkeypatch.setattr(sweep_table, "_PART", 512)
     path = write(tmp_path, MANY.format(cases=512))
     command = ["sweep", str(path), "--csv", "--no-plots", "--json", "-o", "own.parquet"]
-    first = dockloop(*command, "--workers", "1")
-    assert first.status == 0, first.err
-    summary = json.loads(first.out)
+    summary = dockloop.read(*command, "--workers", "1")
     table, journal = tmp_path / "own.parquet", tmp_path / "own.jsonl"
     whole = table.read_bytes()
     assert parquet.read_metadata(table).num_row_groups == 4
@@ -320,8 +310,7 @@ def test_a_table_in_parts_has_the_same_bytes_for_any_order_of_the_journal(
     header, *lines = journal.read_text().splitlines(keepends=True)
     kept = [*reversed(lines[600:]), *lines[:100]]
     journal.write_text("".join([header, *kept]))
-    second = dockloop(*command, "--workers", "2", "--resume")
-    assert second.status == 0, second.err
+    second = dockloop.succeed(*command, "--workers", "2", "--resume")
     assert json.loads(second.out)["time"]["ran"] == 500
     assert table.read_bytes() == whole
 

@@ -123,11 +123,9 @@ def test_a_trade_from_python_returns_the_rows_of_the_command(runs, build):
 
 def test_the_quick_grid_of_the_hexapod_bench_from_the_command_line(dockloop, runs):
     """Positions against the reference of another program, files, and what was refused."""
-    reported = dockloop(
+    summary = dockloop.read(
         "trade", "hexapod_bench", "--quick", "--methods", "explicit,stabilised,dae", "--json"
     )
-    assert reported.status == 0, reported.err
-    summary = json.loads(reported.out)
     folder = paths.BUILD / "results" / "trade_hexapod_bench"
     assert [Path(file).name for file in summary["files"]] == [
         "trade.csv",
@@ -642,8 +640,7 @@ def test_apply_writes_a_copy_that_run_sweep_and_build_honour(dockloop, own_scene
     before = own_scene.read_text()
     words = ("trade", str(own_scene), "--quick", "--methods", "explicit,fixed_rk4", "--stop", "1")
     words += ("--apply", "1e-3")
-    reported = dockloop(*words, "--json")
-    assert reported.status == 0, reported.err
+    reported = dockloop.succeed(*words, "--json")
     applied = json.loads(reported.out)["applied"]
     copy = own_scene.with_name("mine_error_0p001.toml")
     assert applied["file"].endswith(copy.name)
@@ -672,8 +669,7 @@ def test_apply_writes_a_copy_that_run_sweep_and_build_honour(dockloop, own_scene
     fmu = copy.with_suffix(".fmu")
     assert dockloop("build", str(copy), "-o", str(fmu)).status == 0
     assert Bench(fmu).start("solver.method") == number
-    again = dockloop(*words, "--resume")  # its own copy is replaced
-    assert again.status == 0, again.err
+    again = dockloop.succeed(*words, "--resume")  # its own copy is replaced
     assert f"{copy.name} has: " in again.out
 
 

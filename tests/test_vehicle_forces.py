@@ -192,8 +192,7 @@ def test_a_result_is_known_as_one_and_made_again(dockloop, tmp_path):
     """Its columns name forces; a start at rest has no energy to compare the audit with."""
     file = tmp_path / "r.csv"
     for _ in range(2):
-        made = dockloop("run", MAGNETS, "--stop", "0.1", "--no-plots", "-o", file)
-        assert made.status == 0, made.err
+        made = dockloop.succeed("run", MAGNETS, "--stop", "0.1", "--no-plots", "-o", file)
     assert "force[1].force[1]" in file.read_text().partition("\n")[0]
     assert " J (0.0e+00" not in made.out
     assert dockloop("view", file, "-o", tmp_path / "v.html").status == 0
@@ -208,8 +207,7 @@ def test_a_copy_of_a_scene_takes_its_tables_along(dockloop, tmp_path):
         'position = [0.3, 0.0, 0.0]\n[initial]\nat = "start"\n'
         '[[force]]\ntype = "table"\nfile = "gap.csv"\n[[input]]\nfile = "push.csv"\n'
     )
-    made = dockloop("new", "copy", "--from", tmp_path / "own.toml", "-o", tmp_path / "there")
-    assert made.status == 0, made.err
+    dockloop.succeed("new", "copy", "--from", tmp_path / "own.toml", "-o", tmp_path / "there")
     names = {path.name for path in (tmp_path / "there").iterdir()}
     assert names == {"copy.toml", "gap.csv", "push.csv"}
     assert dockloop("run", tmp_path / "there/copy.toml", "--stop", "0.1", "--no-plots").status == 0

@@ -294,17 +294,15 @@ def test_the_library_is_the_one_that_is_stated():
 
 @pytest.fixture
 def result(dockloop, runs, tmp_path):
-    outcome = dockloop(
+    dockloop.succeed(
         *("run", runs.fmu(DEFAULT), "--stop", "3.5", "-o", "own.csv", "--no-plots", "--view")
     )
-    assert outcome.status == 0, outcome.err
     return tmp_path / "own.csv"
 
 
 def test_run_writes_the_page_and_view_the_same_from_the_result(dockloop, result, tmp_path):
     first = read_page(tmp_path / "own_view.html")
-    outcome = dockloop("view", result, "-o", "again.html")
-    assert outcome.status == 0, outcome.err
+    outcome = dockloop.succeed("view", result, "-o", "again.html")
     assert "again.html (" in outcome.out
     second = read_page(tmp_path / "again.html")
     assert second["geometry"] == first["geometry"]
@@ -332,8 +330,7 @@ def test_a_saved_state(dockloop, runs, tmp_path):
             state = instance.slave.getFMUstate()
             (tmp_path / "own.bin").write_bytes(instance.slave.serializeFMUstate(state))
             instance.slave.freeFMUstate(state)
-    outcome = dockloop("view", fmu, "--state", "own.bin", "-o", "own.html")
-    assert outcome.status == 0, outcome.err
+    dockloop.succeed("view", fmu, "--state", "own.bin", "-o", "own.html")
     found = read_page(tmp_path / "own.html")["columns"]
     expected = rows(runs.run(DEFAULT, stop=2.5, step=0.5), "ring")[-1]
     assert np.max(np.abs(found["pose.ring"] - expected)) < 1e-12
@@ -443,8 +440,7 @@ def make_stl(path, scale=1.0, text=False):
 @pytest.mark.parametrize("text", [False, True])
 def test_meshes_of_vehicles(dockloop, result, tmp_path, text):
     make_stl(tmp_path / "hull.stl", 2.0, text)
-    outcome = dockloop("view", result, "--mesh", "chaser=hull.stl")
-    assert outcome.status == 0, outcome.err
+    dockloop.succeed("view", result, "--mesh", "chaser=hull.stl")
     mesh = read_page(tmp_path / "own_view.html")["geometry"]["vehicles"]["chaser"]["mesh"]
     assert len(mesh["points"]) == 64  # 4 points of 12 bytes, in base64
     make_stl(tmp_path / "hull.stl", 5000.0, text)
@@ -452,44 +448,34 @@ def test_meshes_of_vehicles(dockloop, result, tmp_path, text):
 
 
 def test_cases_of_a_sweep(dockloop, tmp_path):
-    pytest.importorskip("pyarrow")
-    pytest.importorskip("scipy")
     (tmp_path / "many.toml").write_text(
         f'scene = "{DEFAULT}"\nseed = 1\ncases = 4\n'
         "[experiment]\nstop = 2.6\n"
         '[[vary]]\ntype = "uniform"\nname = "initial.closing_speed"\nrange = [0.05, 0.1]\n'
     )
-    outcome = dockloop("sweep", "many.toml", "--workers", "1", "-o", "many.parquet", "--no-plots")
-    assert outcome.status == 0, outcome.err
+    dockloop.succeed("sweep", "many.toml", "--workers", "1", "-o", "many.parquet", "--no-plots")
     worst = json.loads((tmp_path / "many_summary.json").read_text())["worst"]
-    outcome = dockloop("view", "many.parquet", "-o", "own.html")
-    assert outcome.status == 0, outcome.err
+    dockloop.succeed("view", "many.parquet", "-o", "own.html")
     data = read_page(tmp_path / "own.html")
     assert data["meta"]["command"] == worst["command"]
     peak = max(e["text"] for e in data["events"] if e.get("first"))
     assert peak.startswith("peak ")
-    outcome = dockloop("view", "many.parquet", "--not-captured", "2")
-    assert outcome.status == 0, outcome.err
+    dockloop.succeed("view", "many.parquet", "--not-captured", "2")
     assert len(list(tmp_path.glob("many_view_case*.html"))) == 2
-    outcome = dockloop("view", "many.parquet", "--not-captured", "1", "-o", "nc.html")
-    assert outcome.status == 0, outcome.err
+    dockloop.succeed("view", "many.parquet", "--not-captured", "1", "-o", "nc.html")
     assert [file.name for file in tmp_path.glob("nc*")] == ["nc.html"]
     assert "has the cases 1 to 4" in refuse(dockloop, "many.parquet", "--case", "5")
 
 
 def test_cases_of_a_sweep_with_mechanisms_of_the_user(dockloop, tmp_path):
-    pytest.importorskip("pyarrow")
-    pytest.importorskip("scipy")
     for name in ("mine", "other"):
         assert dockloop("new", name, "--from", "probe_drogue").status == 0
     (tmp_path / "many.toml").write_text(
         'scene = "mine.toml"\n[experiment]\nstop = 2.2\n'
         '[[vary]]\ntype = "grid"\nname = "mechanism.name"\nvalues = ["mine", "other"]\n'
     )
-    outcome = dockloop("sweep", "many.toml", "--workers", "1", "-o", "many.parquet", "--no-plots")
-    assert outcome.status == 0, outcome.err
-    outcome = dockloop("view", "many.parquet", "--case", "1", "--case", "2")
-    assert outcome.status == 0, outcome.err
+    dockloop.succeed("sweep", "many.toml", "--workers", "1", "-o", "many.parquet", "--no-plots")
+    dockloop.succeed("view", "many.parquet", "--case", "1", "--case", "2")
     assert len(list(tmp_path.glob("many_view_case*.html"))) == 2
     (tmp_path / "mine.json").unlink()  # the table holds what it needs
     assert dockloop("view", "many.parquet", "--case", "2", "-o", "again.html").status == 0
@@ -619,8 +605,7 @@ def test_usable_at_390_px(page):
 @pytest.mark.long
 @needs_browser
 def test_stills_and_film(dockloop, result, tmp_path):
-    outcome = dockloop("view", result, "--still", "0.5,capture", "-o", "own.png")
-    assert outcome.status == 0, outcome.err
+    dockloop.succeed("view", result, "--still", "0.5,capture", "-o", "own.png")
     pictures = [(tmp_path / f"own_{i}.png").read_bytes() for i in (1, 2)]
     assert all(p.startswith(b"\x89PNG") and len(p) > 10_000 for p in pictures)
     assert pictures[0] != pictures[1]
@@ -633,8 +618,7 @@ def test_stills_and_film(dockloop, result, tmp_path):
         pytest.skip("ffmpeg is not installed")
     film = ("view", result, "--film", "--from", "2", "--to", "2.1", "--size", "320x240")
     for _ in range(2):  # it replaces its own
-        outcome = dockloop(*film, "-o", "own.mp4")
-        assert outcome.status == 0, outcome.err
+        dockloop.succeed(*film, "-o", "own.mp4")
     assert (tmp_path / "own.mp4").read_bytes()[4:8] == b"ftyp"
 
 

@@ -34,6 +34,8 @@ sys.path.append(str(paths.ROOT / "scripts" / "lib"))
 
 from make_wheel import find_module, write_wheel
 
+from programs import call
+
 PLATFORMS = list(binaries.EXTENSIONS)
 MODULE_STAMP = "module.sha256"
 PYTHONS = paths.BUILD / "deps" / "python"  # fetched by scripts/platforms wheel
@@ -96,15 +98,9 @@ def test_a_wheel_has_tag_and_files_of_its_platform(platform, pretended, tmp_path
     assert (package / "view" / "web" / "view.js").exists()
     code = "from dockloop.fmu.binaries import find_libraries as f; print(*f())"
     site = os.pathsep.join([str(tmp_path / "site"), *filter(None, sys.path)])
-    found = subprocess.run(
-        [sys.executable, "-S", "-c", code],
-        cwd=tmp_path,
-        env=os.environ | {"PYTHONPATH": site},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert found.stdout.split() == [platform]
+    environment = os.environ | {"PYTHONPATH": site}
+    found = call(sys.executable, "-S", "-c", code, cwd=tmp_path, env=environment)
+    assert found.split() == [platform]
 
 
 # ---------------------------------------------------------------- compiled modules
@@ -185,16 +181,8 @@ def drive(module, folder, words, environment, root=""):
     (folder / "drive.py").write_text(DRIVE)
     (folder / "scene.json").write_text(to_json(dl.Scene(SCENE).document))
     places = [f"{root}{folder / 'drive.py'}", f"{root}{folder}", f"{root}{folder / 'scene.json'}"]
-    done = subprocess.run(
-        [*words, *places, *OUTCOMES],
-        env=environment,
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout.strip().splitlines()[-1])
+    said = call(*words, *places, *OUTCOMES, env=environment, stdin=subprocess.DEVNULL)
+    return json.loads(said.strip().splitlines()[-1])
 
 
 def assert_same(values, others):

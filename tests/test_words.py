@@ -10,10 +10,11 @@ The words and what to write instead are in `.github/CONTRIBUTING.md`.
 import io
 import json
 import re
-import subprocess
 import sys
 import tokenize
 from pathlib import Path
+
+from programs import call
 
 ROOT = Path(__file__).resolve().parent.parent
 LONGEST_SENTENCE = 25  # [words]
@@ -75,14 +76,8 @@ HASH = {".toml", ".cmake", ".sh", ".yaml", ".yml", ""}
 
 def list_files():
     """Names of all files of the repository, also of those that are not committed yet."""
-    listed = subprocess.run(
-        ["git", "ls-files", "--cached", "--others", "--exclude-standard"],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=True,
-    ).stdout.split("\n")
-    return [name for name in listed if (ROOT / name).is_file()]
+    listed = call("git", "ls-files", "--cached", "--others", "--exclude-standard", cwd=ROOT)
+    return [name for name in listed.split("\n") if (ROOT / name).is_file()]
 
 
 def files():

@@ -6,9 +6,8 @@ import sys
 
 import pytest
 
-pytest.importorskip("distributed")
-
 from dockloop.base.paths import ROOT
+from programs import run
 
 STUDIES = ROOT / "tests" / "studies"
 SAMPLES = {  # study: options, what the page must have
@@ -40,7 +39,6 @@ def test_the_small_sample_of_a_study_has_each_section(tmp_path, name):
 
 @pytest.mark.parametrize("name", SAMPLES)
 def test_a_sample_does_not_replace_the_page(name):
-    words = [sys.executable, STUDIES / name, *SAMPLES[name][0]]
-    run = subprocess.run(words, check=False, capture_output=True, text=True)
-    assert run.returncode == 2
-    assert re.search(r"needs? another page", run.stderr)
+    refused = run(sys.executable, STUDIES / name, *SAMPLES[name][0])
+    assert refused.returncode == 2
+    assert re.search(r"needs? another page", refused.stderr)

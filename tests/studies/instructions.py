@@ -11,7 +11,6 @@ Examples:
 
 import re
 import shutil
-import subprocess
 import sys
 import tempfile
 from collections import Counter
@@ -22,7 +21,7 @@ import pytest
 from dockloop.base import paths
 from dockloop.base.progress import ProgressBar
 from dockloop.fmu.build import build_fmu
-from page import write_page, write_table
+from page import call, write_page, write_table
 
 PAGE = paths.ROOT / "tests" / "validation" / "instructions.md"
 STOP, STEP = 20.0, 0.01
@@ -67,24 +66,14 @@ def count(scene: str, accuracy: float, folder: Path) -> tuple[int, int, Counter[
         patched.setenv("DOCKLOOP_BUILD", str(paths.COMPILED))
         fmu = build_fmu(scene, (), folder / f"{scene}.fmu", bare=True)
     out = folder / "callgrind.out"
-    made = subprocess.run(
-        [
-            *("valgrind", "--tool=callgrind", f"--callgrind-out-file={out}"),
-            *("--collect-atstart=no", f"--toggle-collect={ALL}", sys.executable, "-c", SCRIPT),
-            *(str(fmu), repr(STOP), repr(STEP), f"accuracy={accuracy!r}"),
-        ],
-        capture_output=True,
-        text=True,
-        check=True,
+    printed = call(
+        *("valgrind", "--tool=callgrind", f"--callgrind-out-file={out}"),
+        *("--collect-atstart=no", f"--toggle-collect={ALL}", sys.executable, "-c", SCRIPT),
+        *(fmu, repr(STOP), repr(STEP), f"accuracy={accuracy!r}"),
     )
-    table = subprocess.run(
-        ["callgrind_annotate", "--inclusive=yes", "--threshold=100", str(out)],
-        capture_output=True,
-        text=True,
-        check=True,
-    ).stdout
+    table = call("callgrind_annotate", "--inclusive=yes", "--threshold=100", out)
     rows = re.findall(r"^ *([\d,]+) \([ \d.]+%\) +\S+?:(.*?) \[", table, re.MULTILINE)
-    evaluations, steps = map(int, made.stdout.split()[-2:])
+    evaluations, steps = map(int, printed.split()[-2:])
     functions = Counter()
     for number, name in rows:
         functions[name] += int(number.replace(",", ""))

@@ -141,6 +141,11 @@ def names_arguments(function: Callable[P, R]) -> Callable[P, R]:
     return call
 
 
+def with_options(function: Callable[P, R]) -> Callable[P, R]:
+    """Return what `names_arguments` was given, for a command: messages name options."""
+    return inspect.unwrap(function)
+
+
 def find_reason(error: OSError) -> str:
     """Return why the system refused something, without the name of the file."""
     return "no space is left on the disk" if error.errno in FULL else error.strerror or str(error)

@@ -1,4 +1,7 @@
-"""Turns, quaternions (w, x, y, z), directions, symmetric matrices from their components."""
+"""Turns, quaternions (w, x, y, z), poses, directions, symmetric matrices from their components.
+
+Poses are rows of 7 numbers, position and quaternion.
+"""
 
 from collections.abc import Sequence
 
@@ -21,6 +24,17 @@ def multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 def conjugate(a: np.ndarray) -> np.ndarray:
     """Return the inverse turns of unit quaternions."""
     return a * np.array([1.0, -1.0, -1.0, -1.0])
+
+
+def join_poses(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return poses b, given in axes of a, in the axes in which a is given; one row fits all."""
+    return np.hstack([a[:, :3] + turn(a[:, 3:], b[:, :3]), multiply(a[:, 3:], b[:, 3:])])
+
+
+def invert_poses(a: np.ndarray) -> np.ndarray:
+    """Return the poses, in axes of a, of the axes in which a is given."""
+    back = conjugate(a[:, 3:])
+    return np.hstack([turn(back, -a[:, :3]), back])
 
 
 def find_matrix(quaternion: Sequence[float] | np.ndarray) -> np.ndarray:

@@ -1,6 +1,6 @@
 """``dockloop host-check``: whether a host that integrates a vehicle is right."""
 
-from dockloop.base.errors import DockloopError
+from dockloop.base.errors import DockloopError, with_options
 from dockloop.commands.arguments import Command, Options, file_path
 from dockloop.commands.console import write_found
 
@@ -26,17 +26,16 @@ def run(options: Options) -> None:
     """Judge the host; a mistake is a failure."""
     from dataclasses import asdict
 
-    from dockloop.runs.docking import Scene
-    from dockloop.runs.host_judging import judge_host, report_host
-    from dockloop.sweeps.sampling import parse_setting
+    from dockloop.runs.host_judging import host_check, report_host
+    from dockloop.sweeps.settings import parse_settings
 
-    overrides = dict(parse_setting("--scene", text) for text in options.overrides)
-    found = judge_host(
+    found = with_options(host_check)(
         options.source,
-        Scene(options.scene, overrides),
-        dict(parse_setting("--set", text) for text in options.set),
-        options.vehicle,
-        options.map,
+        options.scene,
+        parse_settings("--scene", options.overrides),
+        parse_settings("--set", options.set),
+        vehicle=options.vehicle,
+        names=options.map,
         stop=options.stop,
         step=options.step,
     )

@@ -1,5 +1,6 @@
 """``dockloop import``: a mechanism from MJCF, URDF or SDF."""
 
+from dockloop.base.errors import with_options
 from dockloop.commands.arguments import Command, Options, filled, finite
 from dockloop.commands.console import write
 
@@ -21,7 +22,8 @@ def add_options(command: Command) -> None:
 
 def run(options: Options) -> None:
     """Import the mechanism, write it, and say what became of each construct."""
-    from dockloop.exchange.importing import describe, run_import
+    from dockloop.exchange.importing import describe, import_mechanism
 
     chosen = {key: getattr(options, key) for key in ("base", "ring", "cut", "assemble")}
-    write(describe(run_import(options.file, options.output, **chosen)))
+    imported = with_options(import_mechanism)(options.file, options.output, **chosen)
+    write(describe(imported))

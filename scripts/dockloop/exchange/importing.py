@@ -65,26 +65,13 @@ def import_mechanism(
         UsageError: naming file, part and remedy.
         DockloopError: MuJoCo is not installed, or `output` cannot be written.
     """
-    return run_import(file, output, base=base, ring=ring, cut=cut, assemble=assemble)
-
-
-def run_import(
-    file: str | Path,
-    output: str | Path | None,
-    *,
-    base: str | None,
-    ring: str | None,
-    cut: str | Sequence[str] | None,
-    assemble: float,
-) -> Imported:
-    """Do what `import_mechanism` does; errors name the options of the command."""
     if not check_number("--assemble", assemble) >= 0.0:
         raise UsageError(f"--assemble is {assemble:g} m: must be at least 0")
     path = Path(file)
     if output is not None:
         _check_output(Path(output))
     robot = _read(path)
-    tree = make_tree(robot, base, ring, [cut] if isinstance(cut, str) else list(cut or []))
+    tree = make_tree(robot, base, ring, [cut] if isinstance(cut, str) else list(cut))
     document = write_document(robot, tree, ring, assemble)
     schema.check(document, "mechanism", path)
     try:

@@ -208,11 +208,7 @@ def _row(family: list[ET.Element]) -> _Row:
         first.get("unit", ""),
         first.get("displayUnit", ""),
         ", ".join(starts),
-        f"{low} \N{HORIZONTAL ELLIPSIS} {high}"
-        if low and high
-        else f"\N{GREATER-THAN OR EQUAL TO} {low}"
-        if low
-        else "",
+        limits,
         _family_text(family),
     )
 

@@ -1,7 +1,6 @@
 """The docking of a live page to take home: the command, the Python lines, the scene file."""
 
 import copy
-import re
 import shlex
 import tomllib
 from collections.abc import Mapping
@@ -10,18 +9,15 @@ from typing import Any
 from dockloop.live.bench import Bench
 from dockloop.scene.copies import set_key
 from dockloop.scene.find import find_scene, read_toml
-from dockloop.scene.resolve import apply_override
-from dockloop.scene.values import as_setting, to_text
+from dockloop.scene.resolve import PATHS, apply_override, split_key
+from dockloop.scene.values import as_setting, list_settings, to_text
 
 
 def make_command(bench: Bench, settings: Mapping[str, str]) -> str:
     """Return the command that runs the docking of these settings with the same bits."""
     overrides, starts = bench.split(settings)
-    words = ["dockloop", "run", bench.reference]
-    for option, values in (("--scene", overrides), ("--set", starts)):
-        for name, value in values.items():
-            words += [option, as_setting(name, value)]
-    return shlex.join(words)
+    words = list_settings("--scene", overrides) + list_settings("--set", starts)
+    return shlex.join(["dockloop", "run", bench.reference, *words])
 
 
 def make_exports(bench: Bench, settings: Mapping[str, str]) -> dict[str, str]:
@@ -50,9 +46,9 @@ def _write_scene(bench: Bench, overrides: dict[str, Any], starts: dict[str, Any]
     wanted = copy.deepcopy(scene)
     for name, value in overrides.items():
         apply_override(wanted, as_setting(name, value))
-        begin = re.match(r"(mechanism\.set|sequence\.set)\.", name)
-        section, _, member = (begin[1], "", name[begin.end() :]) if begin else name.rpartition(".")
-        text = set_key(text, section, to_text(member) if begin else member, value)
+        *sections, member = split_key(name)
+        is_path = name.startswith(PATHS)
+        text = set_key(text, ".".join(sections), to_text(member) if is_path else member, value)
     try:
         is_right = tomllib.loads(text) == wanted
     except tomllib.TOMLDecodeError:
@@ -60,6 +56,6 @@ def _write_scene(bench: Bench, overrides: dict[str, Any], starts: dict[str, Any]
     if not is_right:
         text = "".join(f"{to_text(k)} = {to_text(v)}\n" for k, v in wanted.items())
     if starts:
-        more = shlex.join(w for n, v in starts.items() for w in ("--set", as_setting(n, v)))
+        more = shlex.join(list_settings("--set", starts))
         text = f"# Start values are not in this file: dockloop run FILE.toml {more}\n{text}"
     return text

@@ -13,6 +13,7 @@ import sys
 import threading
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from http.server import BaseHTTPRequestHandler
 from socketserver import TCPServer, ThreadingMixIn
 from typing import Any
@@ -51,6 +52,7 @@ class LiveServer(ThreadingMixIn, TCPServer):
     Attributes:
         bench: what computes.
         token: in every address, else nothing is answered.
+        page: what a browser shows.
         url: address of the page.
         first_url: leads there once: other users of the machine see the command of a browser.
     """
@@ -74,7 +76,7 @@ class LiveServer(ThreadingMixIn, TCPServer):
         self.bench = bench
         self.token, self._key = secrets.token_urlsafe(32), secrets.token_urlsafe(32)
         self._keys = threading.Lock()
-        self._page = self._write_page()
+        self.page = self._write_page()
         try:
             super().__init__((ADDRESS, port), _Handler)
         except OSError as error:
@@ -98,10 +100,6 @@ class LiveServer(ThreadingMixIn, TCPServer):
                 self._key = secrets.token_urlsafe(32)
             return is_right
 
-    def answer_page(self) -> bytes:
-        """Return the page."""
-        return self._page
-
     def answer_run(
         self, settings: dict[str, str], *, coarse: bool = False, brief: bool = False
     ) -> dict[str, Any]:
@@ -111,14 +109,6 @@ class LiveServer(ThreadingMixIn, TCPServer):
             return {"summary": condense(result)}
         page = make_page(result, make_command(self.bench, settings))
         return page if coarse else page | {"defaults": self.bench.find_defaults(settings)}
-
-    def answer_errors(self, settings: dict[str, str]) -> dict[str, Any]:
-        """Return figures with tighter settings, from which the page has the errors of its own."""
-        return self.bench.estimate(settings)
-
-    def answer_export(self, settings: dict[str, str]) -> dict[str, str]:
-        """Return command, Python lines and scene file."""
-        return make_exports(self.bench, settings)
 
     def answer_stop(self, **_: Any) -> dict[str, Any]:
         """Stop what is computed."""
@@ -147,12 +137,18 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """Answer a request for the page."""
-        self._answer({"": self.server.answer_page, "first": lambda: None})
+        self._answer({"": lambda: self.server.page, "first": lambda: None})
 
     def do_POST(self) -> None:
         """Answer a request of the page."""
-        names = ("run", "errors", "export", "stop")
-        self._answer({name: getattr(self.server, f"answer_{name}") for name in names})
+        self._answer(
+            {
+                "run": self.server.answer_run,
+                "errors": self.server.bench.estimate,  # the page has those of its own figures
+                "export": partial(make_exports, self.server.bench),
+                "stop": self.server.answer_stop,
+            }
+        )
 
     def log_message(self, *_: Any) -> None:
         """Keep the terminal quiet: lines would have the token in them."""

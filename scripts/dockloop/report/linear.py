@@ -18,7 +18,7 @@ from dockloop.result.summary import write_summary
 from dockloop.runs.docking import Docking
 from dockloop.runs.linear import LinearModel, find_linear_model
 from dockloop.scene.find import find_scene
-from dockloop.sweeps.sampling import parse_setting
+from dockloop.sweeps.settings import parse_setting, parse_settings
 
 COMMAND = "dockloop linearise"
 _POINTS = 400  # frequencies of a Bode diagram, next to the natural ones
@@ -34,7 +34,7 @@ def run_command(options: argparse.Namespace) -> dict[str, Any]:
         DockloopError: a step failed, or a file cannot be written.
     """
     output, figure = _claim(options)
-    overrides = dict(parse_setting("--scene", text) for text in options.overrides)
+    overrides = parse_settings("--scene", options.overrides)
     for name in ("stop", "step"):
         if getattr(options, name) is not None:
             overrides[f"experiment.{name}"] = getattr(options, name)

@@ -1,9 +1,7 @@
 """Parts of reports that several commands have: scene, settings, peak loads, figures."""
 
 import json
-import platform
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -11,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from dockloop.base.sections import FACTS, Section
-from dockloop.base.version import __version__
+from dockloop.base.version import list_versions
 from dockloop.native.core import name_choice, number_choice
 from dockloop.native.variables import VEHICLES
 from dockloop.result.peaks import say_place, say_steps
@@ -70,12 +68,8 @@ def describe_settings(
         [f"experiment.{name}", str(v)]
         for name, v in {**document["experiment"], **experiment}.items()
     ]
-    rows += [["dockloop", __version__], ["python", platform.python_version()]]
-    for package in ("numpy", "scipy", "fmpy"):
-        try:
-            rows.append([package, version(package)])
-        except PackageNotFoundError:
-            continue
+    versions = list_versions("numpy", "scipy", "fmpy")
+    rows += [[package, version] for package, version in versions.items() if version]
     return Section("Settings and versions", table=[FACTS, *more, *rows])
 
 

@@ -42,16 +42,10 @@ from dockloop.scene.find import find_scene
 from dockloop.scene.hardware import find_extent, make_hardware
 from dockloop.scene.mechanism_drawing import SHEET, write_drawing
 from dockloop.studies.envelopes.band import read_draws
-from dockloop.studies.envelopes.command import (
-    Envelope,
-    Range,
-    envelope,
-    make_experiment,
-    parse_range,
-)
+from dockloop.studies.envelopes.command import Envelope, envelope
 from dockloop.studies.envelopes.report import report_envelope
 from dockloop.studies.envelopes.search import check_tolerance
-from dockloop.sweeps.sampling import parse_setting
+from dockloop.sweeps.settings import Range, make_experiment, parse_range, parse_settings
 
 COMMAND = "dockloop review"
 CRITERION = "captured and load_ratio < 1"
@@ -85,8 +79,8 @@ def run_command(options: argparse.Namespace) -> dict[str, Any]:
     boundary = folder / "review_envelope.png"
     pages = _claim(options, folder, stem, drawing, boundary)
 
-    overrides = dict(parse_setting("--scene", text) for text in options.overrides)
-    settings = dict(parse_setting("--set", text) for text in options.set)
+    overrides = parse_settings("--scene", options.overrides)
+    settings = parse_settings("--set", options.set)
     if options.accuracy is not None:
         settings["accuracy"] = read_if_number(options.accuracy)
     more: dict[str, Any] = {"overrides": overrides, "start_values": settings}

@@ -137,30 +137,13 @@ def host_check(
         UsageError: the log, the FMU or the scene cannot be used; names file, column and line.
         DockloopError: the FMU of the vehicle failed.
     """
-    settings = dict(start_values or {})
-    own = None if names is None else Path(names)
-    return judge_host(
-        Path(source), Scene(scene, overrides), settings, vehicle, own,
-        stop=stop, step=step,
-    )  # fmt: skip
-
-
-def judge_host(
-    path: Path,
-    scene: Scene,
-    settings: dict[str, Any],
-    vehicle: str | None,
-    names: Path | None,
-    *,
-    stop: float | None,
-    step: float | None,
-) -> HostCheck:
-    """Judge a host; as for `host_check`."""
+    path, own = Path(source), None if names is None else Path(names)
+    docked, settings = Scene(scene, overrides), dict(start_values or {})
     if path.suffix == ".fmu":
         chosen = vehicle or VEHICLES[0]
         if chosen not in VEHICLES:
             raise UsageError(f"--vehicle {chosen}: must be {' or '.join(VEHICLES)}")
-        docking = _make_docking(scene, [chosen])
+        docking = _make_docking(docked, [chosen])
         experiment = docking.scene.document["experiment"]
         times = list_points(
             docking.time,
@@ -168,15 +151,15 @@ def judge_host(
             float(experiment["step"]) if step is None else step,
         )
         body = docking.scene.document[chosen]
-        with scratch() as folder, VehicleFmu(path, folder, chosen, times, body, names) as fmu:
+        with scratch() as folder, VehicleFmu(path, folder, chosen, times, body, own) as fmu:
             return _judge(docking, settings, fmu, times, shown(path))
     if path.suffix != ".csv":
         raise UsageError(f"{shown(path)}: must be a log (.csv) or the FMU of a vehicle (.fmu)")
     for option, value in (("--vehicle", vehicle), ("--step", step)):
         if value is not None:
             raise UsageError(f"{option} is for an FMU: a log has its own vehicles and times")
-    log = read_log(path, names)
-    docking = _make_docking(scene, log.vehicles)
+    log = read_log(path, own)
+    docking = _make_docking(docked, log.vehicles)
     log.choose_inputs(docking.variables)
     times = docking.time + log.times - log.times[0]
     if stop is not None:

@@ -44,7 +44,7 @@ from dockloop.runs.assured import assure
 from dockloop.runs.crew import Ending
 from dockloop.runs.docking import Docking, Scene
 from dockloop.runs.outcome import Result as CaseResult
-from dockloop.scene.values import as_setting
+from dockloop.scene.values import list_settings
 
 VERDICTS = {  # and their meanings; the order numbers them
     "right": "within what its tolerance promises of the reference solution, audits hold",
@@ -110,9 +110,7 @@ class Case:
     def make_command(self) -> str:
         """Return the command that runs the docking alone."""
         words = ["dockloop", "run", self.scene]
-        for option, values in (("--scene", self.overrides), ("--set", self.starts)):
-            for name, value in values.items():
-                words += [option, as_setting(name, value)]
+        words += list_settings("--scene", self.overrides) + list_settings("--set", self.starts)
         words += [] if self.stop is None else ["--stop", repr(self.stop)]
         return shlex.join([*words, *(["--assured"] if self.assured else [])])
 

@@ -22,6 +22,7 @@ from dockloop.scene.resolve import (
     apply_override,
     entry_members,
     find_entries,
+    find_member,
     list_keys,
     resolve_scene,
 )
@@ -161,7 +162,7 @@ def _list_keys(scene: dict, document: dict, starts: dict[str, Any]) -> Iterator[
     law |= document["mechanism"].get("contact", {}).get("law", {})
     for name, node in list_keys(scene).items():
         section, _, member = name.partition(".")
-        values = [_find(scene, name.split(".")), node.get("default"), starts.get(name)]
+        values = [find_member(scene, name.split(".")), node.get("default"), starts.get(name)]
         if section == "contact":
             values.append(law.get(member))
         elif section != "initial" and member:  # values of [initial] are converted
@@ -244,13 +245,6 @@ def _describe_variable(variable: Variable) -> Entry:
         "--set" if variable.start is not None else "",
         variable.description,
     )
-
-
-def _find(node: Any, parts: list[str]) -> Any:
-    """Return the member of nested groups, None if there is none."""
-    for part in parts:
-        node = node.get(part) if isinstance(node, dict) else None
-    return node
 
 
 def _find_limits(node: dict) -> str:

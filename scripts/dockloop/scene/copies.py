@@ -18,7 +18,7 @@ from dockloop.base.errors import UsageError
 from dockloop.base.files import Kind, write_text, writing
 from dockloop.base.paths import is_file, next_to, read_text, shown
 from dockloop.scene.find import find_mechanism, find_scene, read_mechanism, read_toml
-from dockloop.scene.resolve import PATHS, resolve_scene
+from dockloop.scene.resolve import resolve_scene, split_key
 from dockloop.scene.tables import list_files
 from dockloop.scene.values import to_text
 
@@ -111,7 +111,7 @@ def make_copy(reference: str, keys: Mapping[str, Any], path: Path) -> str:
     resolve_scene(source)
     text = read_text(source)
     find_mechanism(tomllib.loads(text)["mechanism"]["name"], path)
-    places = {name: _split_key(name) for name in keys}
+    places = {name: split_key(name) for name in keys}
     for name, value in keys.items():
         *_, member = places[name]
         bare = member.replace("_", "").isalnum()
@@ -126,14 +126,6 @@ def make_copy(reference: str, keys: Mapping[str, Any], path: Path) -> str:
         if found != value:
             raise UsageError(f"{shown(source)}: {name} cannot be set in this file: set it there")
     return text
-
-
-def _split_key(name: str) -> list[str]:
-    """Return the tables of a scene file and the member that a key means."""
-    for prefix in PATHS:
-        if name.startswith(prefix):
-            return [*prefix.rstrip(".").split("."), name.removeprefix(prefix)]
-    return name.split(".")
 
 
 def _rename(mechanism: Path, name: str) -> str:

@@ -19,7 +19,7 @@ import json
 import math
 import re
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, suppress
 from functools import cache, lru_cache
 from pathlib import Path
@@ -307,13 +307,16 @@ def _expand_key(scene: dict, key: str, text: str) -> list[str]:
     return match_names(key, keys, f"--scene {text}")
 
 
-def _set_key(scene: dict, key: str, value: Any, text: str) -> tuple[str | int, ...]:
-    """Set one key of a scene; returns where its value is. Messages quote the override `text`."""
+def split_key(key: str) -> list[str]:
+    """Return the tables of a scene file and the member that a key means."""
     for prefix in PATHS:
         if key.startswith(prefix):
-            sections, last = prefix.rstrip(".").split("."), key.removeprefix(prefix)
-            _find_section(scene, sections, text)[last] = value
-            return (*sections, last)
+            return [*prefix.rstrip(".").split("."), key.removeprefix(prefix)]
+    return key.split(".")
+
+
+def _set_key(scene: dict, key: str, value: Any, text: str) -> tuple[str | int, ...]:
+    """Set one key of a scene; returns where its value is. Messages quote the override `text`."""
     for prefix in LISTS:
         if key.startswith(prefix):
             return _set_entry(scene, prefix, key.removeprefix(prefix), value, text)
@@ -323,7 +326,7 @@ def _set_key(scene: dict, key: str, value: Any, text: str) -> tuple[str | int, .
         if any(name.startswith(f"{key}.") for name in known):
             hint = f" (it is a section: write {key}.MEMBER)"
         raise UsageError(f"--scene {text}: a scene has no key '{key}'{hint}")
-    *sections, last = key.split(".")
+    *sections, last = split_key(key)
     _find_section(scene, sections, text)[last] = value
     return (*sections, last)
 
@@ -369,11 +372,16 @@ def _set_entry(scene: dict, prefix: str, key: str, value: Any, text: str) -> tup
     return (*where, int(component) - 1)
 
 
+def find_member(node: Any, parts: Iterable[str]) -> Any:
+    """Return the member of nested groups, None if there is none."""
+    for part in parts:
+        node = node.get(part) if isinstance(node, dict) else None
+    return node
+
+
 def find_entries(scene: dict, prefix: str) -> list[dict]:
     """Return the entries of a list of a scene; none if it has no such list."""
-    node: Any = scene
-    for section in prefix.rstrip(".").split("."):
-        node = node.get(section) if isinstance(node, dict) else None
+    node = find_member(scene, prefix.rstrip(".").split("."))
     return node if isinstance(node, list) else []
 
 

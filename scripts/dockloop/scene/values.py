@@ -27,6 +27,11 @@ def as_setting(name: str, value: Any) -> str:
         raise UsageError(f"{name}: {error}") from None
 
 
+def list_settings(option: str, settings: Mapping[str, Any]) -> list[str]:
+    """Return the words of a command that set these values by name."""
+    return [word for pair in settings.items() for word in (option, as_setting(*pair))]
+
+
 def to_text(value: Any) -> str:
     """Return a value as it is written in TOML and after ``KEY=``, with all digits.
 

@@ -18,18 +18,12 @@ from dockloop.base.progress import import_optional
 from dockloop.result.recording import Result
 from dockloop.runs.outcome import Result as Outcome
 from dockloop.sweeps.planning import Planner
+from dockloop.sweeps.table import COMMAND, read_table_metadata
 
-COMMAND = "dockloop sweep"
 _SCENE = "dockloop.histories"  # name and title of the scene, in the metadata
 
 
-def _read_metadata(path: Path) -> dict[bytes, bytes]:
-    from pyarrow import parquet
-
-    return parquet.read_metadata(path).metadata or {}
-
-
-HISTORIES = Kind("histories", COMMAND, lambda path: _SCENE.encode() in _read_metadata(path))
+HISTORIES = Kind("histories", COMMAND, lambda path: _SCENE in read_table_metadata(path))
 
 
 def find_histories(output: Path) -> Path:

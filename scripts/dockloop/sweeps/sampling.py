@@ -25,7 +25,7 @@ from dockloop.base.number import as_number
 from dockloop.base.paths import SWEEPS, next_to, shown
 from dockloop.native.variables import NAMED_NUMBERS
 from dockloop.scene.find import find_scene, find_shipped, read_toml
-from dockloop.scene.resolve import parse_value, write_scene
+from dockloop.scene.resolve import write_scene
 from dockloop.scene.values import to_text
 from dockloop.sweeps.fitted import draw_fitted, read_fitted
 
@@ -470,11 +470,3 @@ _TRANSFORMS: dict[str, Callable[..., list[np.ndarray]]] = {
     "disc": _disc,
     "fit": _fit,
 }
-
-
-def parse_setting(option: str, text: str) -> tuple[str, Any]:
-    """Return name and value of ``NAME=VALUE``. Raises UsageError naming the option."""
-    name, equals, value = (part.strip() for part in text.partition("="))
-    if not equals or not name:
-        raise UsageError(f"{option} {text}: must be NAME=VALUE")
-    return name, parse_value(value)

@@ -9,10 +9,8 @@ that begin with ``dockloop.``.
 
 import itertools
 import json
-import platform
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +20,7 @@ from dockloop.base.errors import DockloopError, UsageError, did_you_mean, names_
 from dockloop.base.files import Kind, claim, table_kind, write_csv, writing
 from dockloop.base.paths import as_path, check_file, read_text, shown
 from dockloop.base.progress import import_optional
-from dockloop.base.version import __version__
+from dockloop.base.version import list_versions
 from dockloop.native.core import list_limits, name_choice
 from dockloop.result.capture import WITH_CAPTURE, explain_capture
 from dockloop.result.criteria import PEAK, has_happened
@@ -358,12 +356,8 @@ def describe_output(name: str, value: Any) -> Any:
 
 def _make_metadata(sweep: Sweep, planner: Planner) -> dict[str, str]:
     """Return all that is needed to make the table again."""
-    versions = {"dockloop": __version__, "python": platform.python_version()}
-    for package in ("numpy", "scipy", "fmpy", "dask", "distributed", "pyarrow"):
-        try:
-            versions[package] = version(package)
-        except PackageNotFoundError:
-            versions[package] = "unknown"
+    installed = list_versions("numpy", "scipy", "fmpy", "dask", "distributed", "pyarrow")
+    versions = {package: version or "unknown" for package, version in installed.items()}
     return {
         "dockloop.sweep": sweep.text,
         "dockloop.scene": read_text(sweep.scene),

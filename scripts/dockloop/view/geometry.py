@@ -9,7 +9,7 @@ Poses are pairs ``{"p": [x, y, z], "q": [w, x, y, z]}``, quaternions as in the F
 
 import numpy as np
 
-from dockloop.base.rotations import conjugate, make_symmetric, multiply, turn
+from dockloop.base.rotations import conjugate, invert_poses, make_symmetric, multiply, turn
 from dockloop.scene.hardware import find_extent, find_quaternion, list_hooks, make_hardware
 from dockloop.scene.shapes import find_body_places, list_legs
 
@@ -84,17 +84,9 @@ def place_bodies(mechanism: dict, coordinates: np.ndarray) -> dict[str, np.ndarr
     return {name: np.array(poses) for name, poses in rows.items()}
 
 
-def list_base(shapes: dict) -> np.ndarray:
-    """Return the pose of the base in axes of A, one row of 7 numbers."""
-    return np.array([[*shapes["base"]["p"], *shapes["base"]["q"]]])
-
-
-def place_on_base(shapes: dict, rows: np.ndarray) -> np.ndarray:
-    """Return poses in axes of A from poses in axes of the base, rows of 7 numbers."""
-    base = list_base(shapes)[0]
-    attitude = np.tile(base[3:], (len(rows), 1))
-    position = base[:3] + turn(attitude, rows[:, :3])
-    return np.hstack([position, multiply(attitude, rows[:, 3:])])
+def as_row(pose: dict) -> np.ndarray:
+    """Return a pose as one row of 7 numbers."""
+    return np.array([[*pose["p"], *pose["q"]]], float)
 
 
 def find_leg_length(leg: dict, root: np.ndarray, closing: np.ndarray) -> np.ndarray:
@@ -223,15 +215,9 @@ def find_opening(latches: dict, i: int, ring: np.ndarray, target: np.ndarray) ->
     return turn(conjugate(axes[:, 3:]), way)[:, 0]
 
 
-def place_capture_body(shapes: dict, ring: np.ndarray) -> np.ndarray:
-    """Return poses of the capture body from poses of G, rows of 7 numbers."""
-    body = shapes["capture_body_in_G"]
-    position = ring[:, :3] + turn(ring[:, 3:], np.array(body["p"]))
-    return np.hstack([position, multiply(ring[:, 3:], np.array([body["q"]]))])
-
-
 def _place_body_in_ring(capture: dict) -> dict:
     """Return the pose of the capture body in axes of G."""
-    back = conjugate(find_quaternion(np.array(capture.get("rotation", np.eye(3)), float))[None])
-    position = turn(back, -np.array(capture.get("position", [0.0, 0.0, 0.0]), float))[0]
-    return {"p": position.tolist(), "q": back[0].tolist()}
+    attitude = find_quaternion(np.array(capture.get("rotation", np.eye(3)), float))
+    pose = {"p": capture.get("position", [0.0, 0.0, 0.0]), "q": attitude}
+    row = invert_poses(as_row(pose))[0].tolist()
+    return {"p": row[:3], "q": row[3:]}

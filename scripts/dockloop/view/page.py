@@ -231,7 +231,7 @@ def _find_poses(run: Result, shapes: dict) -> tuple[dict[str, np.ndarray], list[
     if "state.q[1]" in run:
         found = geometry.place_bodies(mechanism, run.vector("state.q")) or {}
         for name, in_base in found.items():
-            rows = geometry.place_on_base(shapes, in_base)
+            rows = rotations.join_poses(geometry.as_row(shapes["base"]), in_base)
             if name != capture:
                 poses[f"body.{name}"] = rows
             elif "ring" not in poses:
@@ -252,7 +252,7 @@ def _find_poses(run: Result, shapes: dict) -> tuple[dict[str, np.ndarray], list[
     if lost := [i for i in range(1, len(shapes["parts"]) + 1) if f"part[{i}]" not in poses]:
         notes.append(f"not drawn: parts {', '.join(map(str, lost))}; their poses are not recorded")
     if capture == "base" and "ring" not in poses and mechanism["name"] != "none":
-        poses["ring"] = np.tile(geometry.list_base(shapes), (count, 1))
+        poses["ring"] = np.tile(geometry.as_row(shapes["base"]), (count, 1))
     return poses, notes
 
 
@@ -262,18 +262,15 @@ def _rows(run: Result, name: str) -> np.ndarray:
 
 def _find_relative(run: Result, vehicles: dict) -> np.ndarray:
     """Return P in axes of A from the poses of both vehicles."""
-    frames = []
-    for name in VEHICLES:
-        pose = vehicles[name]["pose"]
-        mount = rotations.conjugate(np.array([pose["q"]]))
-        offset = -rotations.turn(mount, np.array(pose["p"]))[0]
-        attitude = run.vector(f"{name}.attitude")
-        position = run.vector(f"{name}.position") + rotations.turn(attitude, offset)
-        mounts = np.tile(mount, (len(attitude), 1))
-        frames.append((position, rotations.multiply(attitude, mounts)))
-    (p_a, q_a), (p_p, q_p) = frames
-    inverse = rotations.conjugate(q_a)
-    return np.hstack([rotations.turn(inverse, p_p - p_a), rotations.multiply(inverse, q_p)])
+    a, p = (
+        rotations.join_poses(
+            _rows(run, name), rotations.invert_poses(geometry.as_row(vehicles[name]["pose"]))
+        )
+        for name in VEHICLES
+    )
+    back = rotations.conjugate(a[:, 3:])
+    way = rotations.turn(back, p[:, :3] - a[:, :3])  # the difference first: no digits are lost
+    return np.hstack([way, rotations.multiply(back, p[:, 3:])])
 
 
 def _check_fit(run: Result, poses: dict[str, np.ndarray], shapes: dict) -> float | None:
@@ -285,9 +282,11 @@ def _check_fit(run: Result, poses: dict[str, np.ndarray], shapes: dict) -> float
     Raises:
         UsageError: the shapes are not those of the run.
     """
-    at = {"base": geometry.list_base(shapes)}
+    at = {"base": geometry.as_row(shapes["base"])}
     if "ring" in poses:
-        at[shapes["capture_body"]] = geometry.place_capture_body(shapes, poses["ring"])
+        at[shapes["capture_body"]] = rotations.join_poses(
+            poses["ring"], geometry.as_row(shapes["capture_body_in_G"])
+        )
     at |= {k.removeprefix("body."): v for k, v in poses.items() if k.startswith("body.")}
     differences = {}
     for i, leg in enumerate(shapes["legs"]):

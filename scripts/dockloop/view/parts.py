@@ -10,10 +10,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from dockloop.base.rotations import conjugate, multiply, turn
+from dockloop.base.rotations import invert_poses, join_poses, multiply, turn
 from dockloop.native.variables import VEHICLES
 from dockloop.result.recording import Result
-from dockloop.view.geometry import make_box
+from dockloop.view.geometry import as_row, make_box
 
 _AXES = np.eye(3)
 
@@ -43,27 +43,27 @@ def place_parts(run: Result, vehicles: dict, target: np.ndarray | None) -> dict[
         coordinates at zero, in axes of the interface.
     """
     poses: dict[str, np.ndarray] = {}
-    count = len(run.values)
     on_vehicle = {
         i: (vehicle, name, part, rows)
         for i, (number, vehicle, name, part) in enumerate(_walk(run.scene), 1)
         if (rows := _place(run, number, part)) is not None
     }
-    home = {v: _tile([*s["pose"]["p"], *s["pose"]["q"]], count) for v, s in vehicles.items()}
+    home = {vehicle: as_row(shapes["pose"]) for vehicle, shapes in vehicles.items()}
     body = dict(home)
     for vehicle, name, part, rows in on_vehicle.values():
         if name != "adapter":
             continue
         # interface in the vehicle: as the adapter moved, from the interface at rest
-        moved = _join(rows, _invert(_tile(_find_placement(part), count)))
-        body[vehicle] = _invert(_join(moved, _invert(home[vehicle])))
-        poses[f"vehicle.{vehicle}"] = _join(body[vehicle], _invert(home[vehicle]))
+        back = invert_poses(home[vehicle])
+        moved = join_poses(rows, invert_poses(_find_placement(part)))
+        body[vehicle] = invert_poses(join_poses(moved, back))
+        poses[f"vehicle.{vehicle}"] = join_poses(body[vehicle], back)
     for i, (vehicle, _, _, rows) in on_vehicle.items():
-        in_interface = _join(body[vehicle], rows)
+        in_interface = join_poses(body[vehicle], rows)
         if vehicle == "chaser":
             poses[f"part[{i}]"] = in_interface
         elif target is not None:
-            poses[f"part[{i}]"] = _join(target, in_interface)
+            poses[f"part[{i}]"] = join_poses(target, in_interface)
     return poses
 
 
@@ -81,8 +81,10 @@ def _walk(document: dict) -> Iterator[tuple[int, str, str, dict]]:
             yield before, vehicle, "adapter", members["adapter"]
 
 
-def _find_placement(part: dict) -> list[float]:
-    return [*part.get("position", [0.0] * 3), *part.get("attitude", [1.0, 0.0, 0.0, 0.0])]
+def _find_placement(part: dict) -> np.ndarray:
+    """Return the pose of a part with its coordinates at zero, in axes of the vehicle, a row."""
+    attitude = part.get("attitude", [1.0, 0.0, 0.0, 0.0])
+    return as_row({"p": part.get("position", [0.0] * 3), "q": attitude})
 
 
 def _place(run: Result, number: int, part: dict) -> np.ndarray | None:
@@ -98,7 +100,7 @@ def _place(run: Result, number: int, part: dict) -> np.ndarray | None:
         "ball": ([], list(_AXES)),
         "elastic": (list(_AXES), list(_AXES)),
     }[part["joint"]]
-    rows = _tile(_find_placement(part), len(run.values))
+    rows = np.tile(_find_placement(part), (len(run.values), 1))
     for recorded, slide in zip(names, slides, strict=False):
         rows[:, :3] += turn(rows[:, 3:], np.outer(run[recorded], slide))
     for recorded, hinge in zip(names[len(slides) :], turns, strict=True):
@@ -106,17 +108,3 @@ def _place(run: Result, number: int, part: dict) -> np.ndarray | None:
         step = np.column_stack([np.cos(half), np.outer(np.sin(half), hinge)])
         rows[:, 3:] = multiply(rows[:, 3:], step)
     return rows
-
-
-def _tile(pose: list[float], count: int) -> np.ndarray:
-    return np.tile(np.array(pose, float), (count, 1))
-
-
-def _join(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return poses b, given in axes of a, in the axes in which a is given."""
-    return np.hstack([a[:, :3] + turn(a[:, 3:], b[:, :3]), multiply(a[:, 3:], b[:, 3:])])
-
-
-def _invert(a: np.ndarray) -> np.ndarray:
-    back = conjugate(a[:, 3:])
-    return np.hstack([turn(back, -a[:, :3]), back])

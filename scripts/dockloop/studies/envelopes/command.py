@@ -10,7 +10,7 @@ from dockloop.base import paths
 from dockloop.base.errors import UsageError, is_watched, names_arguments, say
 from dockloop.base.figures import can_draw, save_figure
 from dockloop.base.files import claim, scratch
-from dockloop.base.number import check_number, read_if_number, read_number, to_plain
+from dockloop.base.number import check_number
 from dockloop.base.paths import as_path
 from dockloop.base.progress import ProgressBar, import_optional
 from dockloop.base.sections import write_html
@@ -22,12 +22,16 @@ from dockloop.studies.envelopes.band import Draws, find_band, list_shares, read_
 from dockloop.studies.envelopes.search import COMMAND, Axis, Order, Progress, Search, find_envelope
 from dockloop.sweeps.campaign import How, read_how
 from dockloop.sweeps.journal import keeps_results
-from dockloop.sweeps.sampling import parse_setting
+from dockloop.sweeps.settings import (
+    Range,
+    make_experiment,
+    name_scene,
+    parse_range,
+    read_settings,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
-
-Range = tuple[str, float, float]
 
 
 @dataclass
@@ -119,17 +123,13 @@ def envelope(
     """
     pd = import_optional("pandas")
     ranges = [axis for axis in (x, y, z) if axis is not None]
-    if isinstance(scene, Mapping):
-        scene = Scene(scene)
-    if isinstance(scene, Scene):
-        overrides = scene.overrides | dict(overrides or {})
-        scene = scene.reference
+    wanted = {} if accuracy is None else {"accuracy": accuracy}
+    reference, settings = name_scene(scene, overrides, start_values, wanted)
     order = Order(
-        str(scene),
+        reference,
         _make_axes(ranges, log),
         (criteria,) if isinstance(criteria, str) else tuple(criteria),
-        to_plain({**(overrides or {}), **(start_values or {})})
-        | ({} if accuracy is None else {"accuracy": accuracy}),
+        settings,
         make_experiment(stop, step),
         tolerance,
         coarse,
@@ -193,7 +193,7 @@ def run_command(options: argparse.Namespace) -> dict:
         options.scene,
         _make_axes(numbers, options.log or ""),
         tuple(options.criteria),
-        make_settings(options),
+        read_settings(options),
         make_experiment(options.stop, options.step),
         options.tolerance,
         options.coarse,
@@ -226,27 +226,6 @@ def run_command(options: argparse.Namespace) -> dict:
     return summary
 
 
-def make_settings(options: argparse.Namespace) -> dict[str, Any]:
-    """Return what all dockings have otherwise than the scene."""
-    settings = dict(parse_setting("--scene", text) for text in options.overrides)
-    settings |= dict(parse_setting("--set", text) for text in options.set)
-    if options.accuracy is not None:
-        settings["accuracy"] = read_if_number(options.accuracy)
-    return settings
-
-
-def parse_range(option: str, given: Sequence[str]) -> Range:
-    """Parse ``NAME LOW HIGH``. Raises UsageError."""
-    name, *ends = given
-    try:
-        low, high = map(read_number, ends)
-    except ValueError:
-        raise UsageError(
-            f"{option} {' '.join(given)}: must be NAME LOW HIGH, two numbers"
-        ) from None
-    return name, low, high
-
-
 def _make_axes(ranges: Sequence[Range], log: str) -> tuple[Axis, ...]:
     letters = "xyz"[: len(ranges)]
     if wrong := set(log) - set(letters):
@@ -259,12 +238,6 @@ def _make_axes(ranges: Sequence[Range], log: str) -> tuple[Axis, ...]:
         low, high = (check_number(f"--{letter} {name}", end) for end in ends)
         axes.append(Axis(name, low, high, letter in log))
     return tuple(axes)
-
-
-def make_experiment(stop: float | None, step: float | None) -> dict[str, float]:
-    """Return what an experiment has otherwise than the scene."""
-    given = {"stop": stop, "step": step}
-    return {n: check_number(f"--{n}", value) for n, value in given.items() if value is not None}
 
 
 def make_progress(label: str, what: str = "dockings") -> Progress:

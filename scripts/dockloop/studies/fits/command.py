@@ -12,7 +12,7 @@ from dockloop.base import paths
 from dockloop.base.errors import UsageError, names_arguments, warn
 from dockloop.base.figures import can_draw, save_figure
 from dockloop.base.files import claim, figure_kind, json_kind, scratch, table_kind, write_csv
-from dockloop.base.number import as_number, check_number, read_number, to_plain
+from dockloop.base.number import as_number
 from dockloop.base.paths import as_path, shown
 from dockloop.base.progress import ProgressBar, import_optional
 from dockloop.base.sections import find_html, html_kind, write_html
@@ -27,7 +27,7 @@ from dockloop.studies.fits.problem import Sensors, Vary
 from dockloop.studies.fits.trials import Trial, list_trials
 from dockloop.sweeps.campaign import read_how
 from dockloop.sweeps.journal import journal_kind, keeps_results
-from dockloop.sweeps.sampling import parse_setting
+from dockloop.sweeps.settings import make_experiment, name_scene, parse_range, parse_settings
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -162,7 +162,7 @@ def fit(
     order = _make_order(
         scene, data, (overrides, start_values),
         {"vary": vary, "vary_each": vary_each},
-        experiment=_make_experiment(stop, step), accuracy=accuracy,
+        experiment=make_experiment(stop, step), accuracy=accuracy,
         columns=_as_names(columns), form=csv, noise=noise or {},
         sensors=Sensors(filters or {}, _as_names(offsets), _as_names(scales), shift),
         loss=loss, starts=starts, seed=seed,
@@ -208,7 +208,7 @@ def plan_fit(
     """
     order = _make_order(
         scene, tests, (overrides, start_values), {"vary": vary},
-        experiment=_make_experiment(stop, step), accuracy=accuracy,
+        experiment=make_experiment(stop, step), accuracy=accuracy,
         noise=noise or {},
         sensors=Sensors(shift=shift), is_plan=True,
     )  # fmt: skip
@@ -226,14 +226,7 @@ def _make_order(
     **more: Any,
 ) -> Order:
     """Return what is asked for in Python."""
-    if isinstance(scene, Mapping):
-        scene = Scene(scene)
-    merged: dict[str, Any] = {}
-    if isinstance(scene, Scene):
-        merged |= scene.overrides
-        scene = scene.reference
-    for members in settings:
-        merged |= to_plain(members or {})
+    reference, merged = name_scene(scene, *settings)
     tests = [data] if isinstance(data, str | Path | Mapping) else data
     tests = list(tests) if isinstance(tests, Iterable) else [tests]
     for test in tests:
@@ -244,7 +237,7 @@ def _make_order(
         for option, table in ranges.items()
         for name, ends in (table or {}).items()
     ]
-    return Order(str(scene), tests, wanted, _choose_accuracy(merged, accuracy), **more)
+    return Order(reference, tests, wanted, _choose_accuracy(merged, accuracy), **more)
 
 
 def _as_names(names: str | Sequence[str]) -> tuple[str, ...]:
@@ -268,11 +261,6 @@ def _read_ends(name: str, ends: Any) -> tuple[float, float]:
         raise UsageError(f"vary {name}: is {ends!r}: must be low and high")
     low, high = map(as_number, ends)
     return low, high
-
-
-def _make_experiment(stop: float | None, step: float | None) -> dict[str, float]:
-    given = {"stop": stop, "step": step}
-    return {n: check_number(f"--{n}", value) for n, value in given.items() if value is not None}
 
 
 # ------------------------------------------------------------------------------------ command
@@ -335,10 +323,9 @@ def run_command(options: argparse.Namespace) -> dict[str, Any]:
 
 def _read_order(options: argparse.Namespace) -> Order:
     """Return what the options ask for."""
-    settings = dict(parse_setting("--scene", text) for text in options.overrides)
-    settings |= dict(parse_setting("--set", text) for text in options.set)
+    settings = parse_settings("--scene", options.overrides) | parse_settings("--set", options.set)
     wanted = [
-        Vary(*_parse_range(option, given), option == "--vary-each")
+        Vary(*parse_range(option, given), option == "--vary-each")
         for option, ranges in (("--vary", options.vary), ("--vary-each", options.vary_each))
         for given in ranges
     ]
@@ -347,12 +334,12 @@ def _read_order(options: argparse.Namespace) -> Order:
         options.data,
         wanted,
         _choose_accuracy(settings, options.accuracy),
-        _make_experiment(options.stop, options.step),
+        make_experiment(options.stop, options.step),
         tuple(options.columns),
         options.csv or "",
-        _parse_numbers("--noise", options.noise),
+        parse_settings("--noise", options.noise),
         Sensors(
-            _parse_numbers("--filter", options.filters),
+            parse_settings("--filter", options.filters),
             tuple(options.offsets),
             tuple(options.scales),
             options.shift,
@@ -362,20 +349,6 @@ def _read_order(options: argparse.Namespace) -> Order:
         options.seed,
         options.plan,
     )
-
-
-def _parse_range(option: str, given: Sequence[str]) -> tuple[str, float, float]:
-    name, *ends = given
-    try:
-        low, high = map(read_number, ends)
-    except ValueError:
-        text = " ".join(given)
-        raise UsageError(f"{option} {text}: must be NAME LOW HIGH, two numbers") from None
-    return name, low, high
-
-
-def _parse_numbers(option: str, texts: Sequence[str]) -> dict[str, Any]:
-    return dict(parse_setting(option, text) for text in texts)
 
 
 def _list_keys(order: Order) -> list[Vary]:

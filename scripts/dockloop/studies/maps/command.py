@@ -10,17 +10,13 @@ from dockloop.base.files import claim
 from dockloop.base.words import LIMIT, list_words
 from dockloop.result.summary import write_summary
 from dockloop.scene.find import find_scene
-from dockloop.studies.envelopes.command import (
-    make_experiment,
-    make_progress,
-    make_settings,
-    parse_range,
-)
+from dockloop.studies.envelopes.command import make_progress
 from dockloop.studies.envelopes.search import FINEST, Axis, Order, find_envelope
 from dockloop.studies.maps import report
 from dockloop.studies.maps.verdicts import PointJudge
 from dockloop.sweeps.campaign import read_how
 from dockloop.sweeps.journal import keeps_results
+from dockloop.sweeps.settings import make_experiment, parse_range, read_settings
 
 _COARSE = 8  # cells along a range at the beginning
 _FEWEST = 3  # points along a range
@@ -80,7 +76,7 @@ def _make_order(options: argparse.Namespace) -> Order:
         options.scene,
         tuple(axes),
         (),
-        make_settings(options),
+        read_settings(options),
         make_experiment(options.stop, options.step),
         tolerance=min(0.25, 0.5 / cells),
         coarse=coarse,
