@@ -120,8 +120,10 @@ def parse_columns(
                 raise UsageError(f"{shown(text)}: is no TOML file ({error})") from None
             pairs += [(shown(text), name, value) for name, value in members.items()]
         else:
-            parts = (part.partition("=") for part in re.split(r",(?=[^,=]*=)", text))
-            pairs += [(f"{option} '{text}'", n.strip(), v if e else None) for n, e, v in parts]
+            parts = re.findall(r"([^=]+)(?:=([^=,]*))?(?:,|$)", text) or [(text, "")]
+            pairs += [
+                (f"{option} '{text}'", n.strip(), v if "=" in text else None) for n, v in parts
+            ]
     found: dict[str, tuple[str, str]] = {}
     for place, name, value in pairs:
         if not isinstance(value, str) or not name:
@@ -307,14 +309,21 @@ def _check_channels(
 ) -> None:
     """Refuse a table without time or variables, and a variable that two columns mean."""
     if not times:
+        name = next((column.name for column in table.columns if column.name), NAMELESS)
+        header, more = table.form.get("header"), ""
+        if isinstance(header, int):
+            more = f"; names are from {table.line} {header}, state another one by --csv 'header=N'"
+        elif "none" in str(header):
+            more = f"; no line above the values has {len(table.columns)} names"
         raise UsageError(
             f"{table.place}: no column is the time: must have 'time [s]', or name it, for example"
-            f" {terms.say_map(table.columns[0].name, 'time:s')}"
+            f" {terms.say_map(name, 'time:s')}{more}"
         )
     if not measured:
+        others = [c.name for c in table.columns if all(c is not t.column for t in times)]
         raise UsageError(
             f"{table.place}: has no column of an {terms.what} of {terms.owner}: name them, for"
-            f" example {terms.say_map(table.columns[-1].name, terms.example)}"
+            f" example {terms.say_map((others or ['COLUMN'])[-1], terms.example)}"
         )
     names = [channel.name for channel in measured]
     for i, name in enumerate(names):
