@@ -248,7 +248,8 @@ def find_channels(
         if not unit and has_units and own != "1":
             raise UsageError(
                 f"{table.place}: the heading '{column.heading}' has no unit, but others have: must"
-                f" have one, for example '{output} [{own}]'"
+                f" have one, for example '{output} [{own}]', or"
+                f" {terms.say_map(column.name, f'{output}:{own}')}"
             )
         unit = unit or own
         factor = find_factor(unit, own)

@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import date, datetime, timedelta
 from datetime import time as clock
+from decimal import Decimal
 from itertools import dropwhile, filterfalse
 from pathlib import Path
 from typing import Any
@@ -228,6 +229,7 @@ class Table:
         cell = cell.item() if hasattr(cell, "item") else cell
         if isinstance(cell, float) and cell.is_integer() and abs(cell) < 2**53:
             return int(cell)  # Excel has one kind of number
+        cell = float(cell) if isinstance(cell, Decimal) else cell  # of a database
         return cell if is_number(cell) or isinstance(cell, bool) else str(cell)
 
 
@@ -368,7 +370,8 @@ def read_table(
 
 def from_frame(frame: Any, place: str) -> Table:
     """Return the table that a DataFrame is; its index counts if it has a name."""
-    frame = frame.reset_index() if any(frame.index.names) else frame
+    is_named = any(frame.index.names) and not {*frame.index.names} & {*frame.columns}
+    frame = frame.reset_index() if is_named else frame
     frame = frame.astype(object).where(frame.notna(), None)
     names = [str(name) for name in frame.columns]
     lines = range(1, len(frame) + 1)

@@ -32,7 +32,8 @@ def _find_size(text: str) -> tuple[float, Any] | None:
     text = re.sub(r"(?<=\w)\s*[.·⋅∙-]\s*(?=[^\W\d])", "*", text)  # N.m, ft-lbf
     text = re.sub(r"(?<=[^\W\d_])\^?(-?\d)", r"**\1", text)  # m2, s-1
     text = "dimensionless" if text in ("", "-", "1") else text
-    if not _ALLOWED.fullmatch(text) or _RAISED.search(text):
+    is_open = re.search(r"\btons?\b", text)  # of 1000 kg, or of 2000 lb
+    if is_open or not _ALLOWED.fullmatch(text) or _RAISED.search(text):
         return None
     registry = _make_registry()
     try:
