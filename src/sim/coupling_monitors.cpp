@@ -153,11 +153,13 @@ HostFinding HostCoupling::judge(int i, const VehicleState& z) {
   ReportSums& sums = state_.coupling.reports[static_cast<size_t>(i)];
   const double h = v.interval, keep = std::pow(kForget, h / kForgetTime);
   HostFinding found;
-  if (!is_same_motion(inputs_.vehicle[i], v.input)) {  // a report that stays is an old one
-    const ReportPair pair{v.input,    inputs_.vehicle[i],
-                          h,          (z.v - v.received.v).norm(),
-                          z.v.norm(), setup_->parameters.vehicle[i].interface_position};
+  const ReportPair pair{v.input,    inputs_.vehicle[i],
+                        h,          (z.v - v.received.v).norm(),
+                        z.v.norm(), setup_->parameters.vehicle[i].interface_position};
+  if (!is_same_motion(inputs_.vehicle[i], v.input)) {
     found = judge_motion(pair, keep, sums);
+  } else {  // a report that stays is an old one
+    found = judge_unchanged(pair, setup_->parameters.coupling_delay, sums);
   }
   if (v.since < v.restated) return found;  // a report of the mass before
   LoadStep step;

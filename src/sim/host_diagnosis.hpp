@@ -159,6 +159,7 @@ struct ReportSums {
   Vec3<double> point_side = Vec3<double>::Zero();    ///< ... whose position is reported
   double move2 = 0.0, move_velocity = 0.0, velocity2 = 0.0;  ///< [m2/s2]
   int move_errors = 0;                                       ///< consecutive, too
+  int unchanged = 0;                                         ///< consecutive, the same as before
   ResponseSums force, torque;                                ///< [m2/s2], [rad2/s2]
   double first_load = 0.0;  ///< the first announced load, if it did not act [N]
   int unmodelled = 0;       ///< consecutive steps with an error that no load explains
@@ -189,6 +190,9 @@ struct ReportPair {
 
 /// Does the pose follow the rates? @param keep  factor of older sums
 HostFinding judge_motion(const ReportPair& pair, double keep, ReportSums& sums);
+
+/// Is a report that does not change older than any delay? @param delay  stated [s]
+HostFinding judge_unchanged(const ReportPair& pair, double delay, ReportSums& sums);
 
 /// What a vehicle did over a step with a load of its host.
 struct LoadStep {
