@@ -604,7 +604,8 @@ def _from_rows(
                 f" header{divided}"
             )
     if first >= len(rows):
-        raise UsageError(f"{place}: has no rows of values below its header")
+        sign = " with a decimal comma" if form.get("decimal") == "," else ""
+        raise UsageError(f"{place}: has no rows of values{sign} below its header")
     lines = [number for number, _ in rows[first:]]
     columns = []
     for i, name in enumerate(names):
