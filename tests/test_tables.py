@@ -372,6 +372,13 @@ def test_columns_have_rates_and_times_of_their_own(tmp_path):
     np.testing.assert_array_equal(data["relative.axial"], [np.nan, 7.0, np.nan, 8.0, 9.0])
 
 
+def test_a_clock_that_no_column_belongs_to_is_left_alone(tmp_path):
+    both = ["time", "t [s]", "gap [m]"], ["2026-03-31 12:00:00", "0", "1"], ["", "0.5", "2"]
+    data = read(save(tmp_path / "two.csv", join(both)))
+    assert data.time.tolist() == [0.0, 0.5]
+    assert data.source["time_from"] is None
+
+
 def test_groups_of_hdf5_have_times_of_their_own(tmp_path):
     h5py = pytest.importorskip("h5py")
     with h5py.File(tmp_path / "rig.h5", "w") as file:
@@ -523,6 +530,7 @@ MALFORMED = {  # content: words of the sentence
     "OpenDocument": (b"PK\3\4mimetype" + b"PK\5\6" + bytes(30), "is an archive: unpack it"),
     "a control character": (HEAD + "0,1\n1,2\7\n" + "2,3\n" * 40, "line 3 has the character"),
     "decimal commas between commas": (HEAD + "0,0,1,25\n0,5,2,25\n", "has 4 names"),
+    "numbers above the names": ("1,2\ntime,gap\n0,1\n1,2\n", "state one by --csv 'header=N'"),
     "names above a row of kinds": ("time,gap\nmean,raw\n0,1\n1,2\n", "names are from line 2"),
     "compressed": (b"\x1f\x8b\x08" + bytes(20), "is compressed: unpack it"),
     "zip": (b"PK\x03\x04" + bytes(30), "cannot be read"),

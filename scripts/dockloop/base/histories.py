@@ -171,12 +171,13 @@ def read_data(  # noqa: PLR0917  what a table is, then how to read it
     times = [channel for channel in channels if channel.name == "time"]
     measured = [channel for channel in channels if channel.name != "time"]
     _check_channels(table, times, measured, terms)
+    owners = [_find_time(table, times, channel, terms) for channel in measured]
+    times = [time for time in times if any(owner is time for owner in owners)]
     clocks, start = table.read_times([time.column for time in times])
     parts = []  # time and values of the columns that share a time
     for time, clock in zip(times, clocks, strict=True):
-        own = [c for c in measured if _find_time(table, times, c, terms) is time]
-        if own:
-            parts.append((own, *_read_part(table, time, clock * time.factor, own)))
+        own = [c for c, owner in zip(measured, owners, strict=True) if owner is time]
+        parts.append((own, *_read_part(table, time, clock * time.factor, own)))
     rows = np.concatenate([clock for _, clock, _ in parts])
     values = np.full((len(rows), len(measured)), np.nan)
     begin = 0
@@ -315,7 +316,8 @@ def _check_channels(
         if isinstance(header, int):
             more = f"; names are from {table.line} {header}, state another one by --csv 'header=N'"
         elif "none" in str(header):
-            more = f"; no line above the values has {len(table.columns)} names"
+            count = len(table.columns)
+            more = f"; no line above the values has {count} names, state one by --csv 'header=N'"
         raise UsageError(
             f"{table.place}: no column is the time: must have 'time [s]', or name it, for example"
             f" {terms.say_map(name, 'time:s')}{more}"
