@@ -328,13 +328,18 @@ def _check_channels(
             f"{table.place}: has no column of an {terms.what} of {terms.owner}: name them, for"
             f" example {terms.say_map((others or ['COLUMN'])[-1], terms.example)}"
         )
-    names = [channel.name for channel in measured]
+    check_once(table, measured, terms)
+
+
+def check_once(table: Table, channels: Sequence[Channel], terms: Terms) -> None:
+    """Refuse a table with two columns of one variable. Raises UsageError."""
+    names = [channel.name for channel in channels]
     for i, name in enumerate(names):
         if name in names[:i]:
-            both = "' and '".join(c.column.heading for c in measured if c.name == name)
+            both = "' and '".join(c.column.heading for c in channels if c.name == name)
             raise UsageError(
                 f"{table.place}: has two columns '{name}' ('{both}'): leave one out, for example"
-                f" {terms.say_map(measured[i].column.name)}"
+                f" {terms.say_map(channels[i].column.name)}"
             )
 
 

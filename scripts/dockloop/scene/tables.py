@@ -18,6 +18,7 @@ from dockloop.base.errors import UsageError, warn_once
 from dockloop.base.histories import (
     Channel,
     Terms,
+    check_once,
     find_channels,
     list_unknown,
     read_data,
@@ -138,6 +139,7 @@ def _read_forces(
         UsageError: naming file, line or column, value, and what is expected.
     """
     found, left_out = find_channels(table, expected, columns, terms)
+    check_once(table, found, terms)
     channels = {channel.name: channel for channel in found}
     for name, unit in expected.items():
         if name not in channels:
