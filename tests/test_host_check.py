@@ -96,6 +96,17 @@ def test_the_error_of_a_report_is_that_of_the_mistake(write_log):
     assert found.value == pytest.approx(1e-3)
 
 
+def test_a_refused_step_is_explained_by_its_first_report(write_log):
+    log = write_log("turned.csv", stop=0.5)
+    names = [f"chaser.attitude[{i}]" for i in (1, 2)]
+    text = Path(log).read_text().replace(names[0], "q").replace(*names[::-1]).replace("q", names[1])
+    Path(log).write_text(text)
+    found = check(log)
+    assert found.cause == "first attitude"
+    assert "report the start value in the first step" in found.sentence
+    assert "pressed together" in found.sentence
+
+
 def test_another_point_is_away_from_the_start(write_log):
     found = check(write_log("point.csv", report=REPORTS["other point"]))
     assert found.cause == "first position"
@@ -243,6 +254,7 @@ def test_a_log_may_have_the_form_of_any_table(write_log):
         (lambda t: "\n".join(t.split("\n")[:2]), "needs at least two rows"),
         (lambda t: t.replace("\n", "\ns" + 3 * ",m" + 10 * ",1" + "\n", 1), "line 2 has units"),
         (lambda t: t.replace("chaser.", "target."), "reported"),
+        (lambda t: t.replace("time", "time [s]", 1), "'time [s]' has units: leave them out"),
         (lambda t: t.replace("\n0,", '\n"0,', 1), "close its quotes"),
         (lambda t: "\n".join(line.split(",")[0] for line in t.split("\n")), "has no columns"),
     ],

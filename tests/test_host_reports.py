@@ -167,6 +167,7 @@ ATTITUDES = {
     "as N": np.array([1.0, 0, 0, 0]),
     "half": np.array([1, -7, 1, 7]) / 10,
 }
+FROZEN: dict = {}  # the report of a host that connects nothing
 STATED = {
     "mass": {"chaser.mass": 0.5 * MASS},
     "inertia": {"chaser.inertia": [*(0.5 * INERTIA), 0, 0, 0]},
@@ -184,6 +185,22 @@ def assert_named(docking, name):
 @pytest.mark.parametrize("name", REPORTS)
 def test_a_wrong_report_is_named(name):
     assert_named(dock(0.01, report=REPORTS[name]), name)
+
+
+@pytest.mark.parametrize("step", [0.01, 0.1])
+@pytest.mark.parametrize(
+    ("name", "report"),
+    [
+        ("attitude", lambda p, v, q, w: (p, v, q, 30.0 / np.pi * w)),  # rpm are no degrees
+        ("attitude", lambda p, v, q, w: (p, v, q, w + np.array([0.01, 0.0, 0.0]))),
+        ("position constant", lambda p, v, q, w: FROZEN.setdefault("report", (p, v, q, w))),
+    ],
+    ids=["rpm", "bias", "frozen"],
+)
+@pytest.mark.parametrize("attitude", [TURNED, [1, 0, 0, 0], [0, 0.6, 0, 0.8]])
+def test_what_resembles_another_mistake_is_not_called_so(name, report, step, attitude):
+    FROZEN.clear()
+    assert_named(dock(step, report=report, attitude=np.array(attitude, dtype=float)), name)
 
 
 @pytest.mark.parametrize("step", [0.01, 0.1])

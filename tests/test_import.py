@@ -447,6 +447,13 @@ MALFORMED = {
         urdf(rest='<joint name="k" type="fixed"><parent link="base"/><child link="arm"/></joint>'),
         "child of two joints: URDF has no loops, use SDF"),
     "no inertia": (urdf().replace('ixx="0.02"', ""), "inertia lacks the attribute 'ixx'"),
+    "inertia from shapes": (
+        sdf(link("arm", more='<inertial auto="true"/>'), TURN), "expand it with 'gz sdf --expand-auto-inertials"),
+    "a macro": (
+        urdf(rest='<xacro:leg xmlns:xacro="http://www.ros.org/wiki/xacro"/>'), "has <leg>: expand it with 'xacro FILE'"),
+    "a property": (urdf().replace('"2"', '"${mass}"'), 'value="..mass."'),
+    "a mimic of a fixed joint": (
+        urdf("fixed", rest=SECOND.format('<mimic joint="turn"/>')), "couples 'turn', which has no coordinate of its own"),
     "a joint without parent": (urdf().replace('<parent link="base"/>', ""), "lacks the element 'parent'"),
 }  # fmt: skip
 
@@ -473,6 +480,64 @@ def test_a_malformed_mjcf_gets_one_sentence(text, words):
     with pytest.raises(dl.UsageError, match=words) as refused:
         bring(text)
     assert "\n" not in str(refused.value)
+
+
+DAMPED = "<dynamics><damping>3</damping></dynamics>"
+LIMITED = "<limit><lower>-180</lower><upper>180</upper></limit>"
+SAID = [  # file, line of the report: what is not as it seems is said
+    (sdf(ARM, joint("b", "ball", "world", "arm", axis(DAMPED))), "left out: forces and limits of 'b': a ball joint has none here"),
+    (sdf(ARM, joint("c", "continuous", "world", "arm", axis(LIMITED))), "left out: limits of 'c': a continuous joint has none here"),
+    (urdf("continuous"), "left out: limits of 'turn': a continuous joint has none here"),
+    (urdf("planar"), "left out: forces and limits of 'turn': a planar joint has none here"),
+    (urdf("floating", '<dynamics damping="3"/>'), "left out: forces and limits of 'turn': a floating joint has none here"),
+    (mjcf('<joint name="turn" type="free" damping="2"/>'), "left out: forces and limits of 'turn': a free joint has none here"),
+    (sdf(ARM, turn(LIMITED)), "guessed: limits are radians, although 'turn' turns up to 180: degrees?"),
+    (mjcf().replace("balance", 'settotalmass="3" balance'), "guessed: MuJoCo: compiler attribute 'settotalmass'"),
+    (mjcf().replace("<body", '<geom size="1"/><frame pos="1 0 0"><body').replace("</body>", "</body></frame>"),
+     "left out: body/geom (1): beyond mass and inertia"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "line"), SAID)
+def test_what_becomes_of_a_part_is_said(text, line, capfd):
+    if text.startswith("<mujoco"):
+        pytest.importorskip("mujoco")
+    report = bring(text).report
+    assert any(each.startswith(line) for each in report), report
+    assert not any("no construct" in each for each in report)
+    assert capfd.readouterr().err == ""
+
+
+def test_the_words_of_an_earlier_version_keep_their_meaning():
+    """gazebosim/sdformat#48, bulletphysics/bullet3#1707: axes of 1.4 are those of the model."""
+    turned = link("arm", "1 0 0 0 0 1.5707963267948966")
+    text = sdf(turned, joint("t", "revolute", "world", "arm", axis("", "1 0 0")))
+    for version, expected in (("1.4", [0, -1, 0]), ("1.5", [1, 0, 0]), ("1.10", [1, 0, 0])):
+        made = bring(text.replace("1.10", version)).document
+        assert np.allclose(made["bodies"][0]["joint"]["axis"], expected)
+    framed = link("b", "0 0 2 0 0 0").replace("<pose>", '<pose frame="arm">', 1)
+    made = bring(sdf(ARM, TURN, framed, joint("t", "revolute", "arm", "b")).replace("1.10", "1.6"))
+    assert made.document["bodies"][1]["joint"]["position"] == [0, 0, 2]
+
+
+def test_gravity_is_that_of_the_world_around_a_model():
+    world = '<world name="moon"><gravity>0 0 -1.62</gravity><include><uri>sun</uri></include>'
+    text = sdf("<pose>0 0 0 1.5707963267948966 0 0</pose>", ARM, TURN)
+    text = text.replace("<model", f"{world}<model").replace("</model>", "</model></world>")
+    made = bring(text)
+    assert np.allclose(made.document["gravity"], [0, -1.62, 0])
+    assert "left out: of the world: include; its model is read only" in made.report
+
+
+def test_a_second_hinge_on_the_axis_of_the_first_closes_nothing():
+    """A loop without equations that count, and one without joints that follow."""
+    made = bring(sdf(ARM, TURN, joint("hinge", "revolute", "world", "arm")))
+    assert made.check["degrees_of_freedom"] == 1
+    (loop,) = made.document["loops"]
+    assert loop["dependent"] == []
+    loop["cut"]["point_on_closing"] = [1.001, 0, 0]
+    with pytest.raises(dl.UsageError, match="2 cut equations but 0 dependent joints"):
+        dl.check(made.document)
 
 
 @pytest.mark.parametrize(

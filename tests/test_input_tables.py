@@ -78,6 +78,14 @@ def test_a_force_has_its_effect_at_any_step(write, method, interpolation):
         assert run["chaser.force_ext[1]"][away] == pytest.approx(np.array(shown)[away], abs=1e-7)
 
 
+@pytest.mark.parametrize("begin", [1774958400, 100, -9])  # since 1970; behind the run; before it
+def test_a_table_that_the_run_does_not_meet_is_said(write, begin, capsys):
+    text = f"time,chaser.force_ext[1]\n{begin},10\n{begin + 2},10\n"
+    assert dl.run(write(text), stop=2.0)["chaser.velocity[1]"][-1] == pytest.approx(0.02)
+    said = capsys.readouterr().err
+    assert f"jets.csv: is from {begin} to {begin + 2} s, the run from 0 to 3 s" in said
+
+
 def test_columns_are_mapped_and_converted(write):
     text = "t [ms];F [kN];spare\n0;0;1\n1000;0,03;2\n1000;0;3\n"
     scene = write(text, 'columns = { F = "chaser.force_ext[2]", spare = "" }\n')
@@ -183,6 +191,11 @@ def test_commands_to_a_sequence(tmp_path):
         (TABLE.replace("2.0,4.0", "2.0,big"), "", "'chaser.force_ext[1]' in line 7 is 'big'"),
         (TABLE, '[[input]]\nfile = "jets.csv"\n', "has a table already"),
         (TABLE, 'interpolation = "cubic"\n', "must be one of linear, hold"),
+        (
+            "time,F\n0,0\n1,1\n",
+            'columns = { F = "chaser.force_ext[1]:kN" }\n',
+            'or [[input]] columns = { "time" = "time:s" }',
+        ),
         (
             "time [s],F [N]\n0,0\n1,1\n",
             'columns = { F = "chaser.contact_thrust" }\n',

@@ -169,6 +169,12 @@ def test_numbers_of_the_file_are_in_the_fmu_and_states_restore(tmp_path):
         ("x [mm],F [N]\n0,0\n1,2\n", {"columns": {"x": "travel", "F": "load"}}, "no quantity"),
         ("x [mm],F [N]\n0,0\n1,2\n", {"columns": {"x": "travel"}}, "has no column 'force'"),
         ("x [mm],F [N]\n0,0\n1,2\n", {"travel": [0, 1], "force": [0, 1]}, "must have either"),
+        (
+            "x [mm],F [N],F [kN]\n0,0,1\n2,-3,4\n",
+            {},
+            "has two columns 'force' ('F [N]' and 'F [kN]')",
+        ),
+        ("x [mm],F [N]\n0,0\n1,2\n", {"columns": {}}, '= { "x" = "travel" }'),  # by its unit
         (None, {}, "no such table"),
     ],
 )

@@ -103,6 +103,13 @@ def test_shift_units_and_time_of_capture_are_found(tmp_path, shift):
     assert found["captured"]["computed_time"] == pytest.approx(6.01)
 
 
+def test_times_since_1970_come_to_an_end():
+    """Their rounding is larger than the accuracy of the search."""
+    run = make_run()
+    data = Data(run.time + 1774958400.0, run.names[1:], run.units[1:], run.values[:, 1:])
+    assert find_shift(run, data) == pytest.approx(-1774958400.0, abs=1e-5)
+
+
 def test_data_of_the_run_itself_that_go_on_behind_its_end_need_no_shift():
     name = "capture.compression"
     run, rest = dl.run("absorber_1d", stop=1.0), dl.run("absorber_1d")

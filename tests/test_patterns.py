@@ -68,6 +68,11 @@ def test_legs_stand_where_the_shipped_files_have_them():
             assert leg[member] == pytest.approx(own[member], abs=1e-9)
 
 
+def test_a_whole_number_may_have_a_point():
+    """Some programs write 3 as 3.0 in JSON."""
+    assert expand({}, **SIX) == expand({}, **{**SIX, "count": 3.0})
+
+
 def test_latches_and_elements_join_those_that_are_written_out():
     shipped = read("probe_drogue")
     first = {**shipped, "latches": {**shipped["latches"], "list": []}}

@@ -562,6 +562,8 @@ BAD_CALLS = [  # thread, call, words of the refusal
     ("OpenModelica/OpenModelica#2173: link", lambda: dl.import_mechanism("own.xml", ring=["arm"]), ["ring is ['arm']: must be a text"]),
     ("OpenModelica/OpenModelica#2173: digits", lambda: dl.check(10**5000), ["mechanism is of type int: must be a text or a path or a group"]),
     ("OpenModelica/OpenModelica#2173: names", lambda: dl.run(SCENE, {5: 1}), ["overrides is {5: 1}: must be a group of names with values"]),
+    ("a scene that is no file has no folder", lambda: dl.run({**read_members(), "mass": 1}), ["scene.toml: the document has an unknown member 'mass'"]),
+    ("what is too long to show", lambda: dl.run({**read_members(), "force": read_members()}), ["force is a group of members: must be a list"]),
     ("OpenModelica/OpenModelica#2173: outputs", lambda: dl.run(SCENE, assured=[5]), ["assured is [5]: must be true or false or a list of texts"]),
 ]  # fmt: skip
 
@@ -570,6 +572,19 @@ BAD_CALLS = [  # thread, call, words of the refusal
 def test_a_report_on_python_is_one_sentence(thread, do, words):
     said = refusal(do)
     assert all(word in said for word in words), said
+    assert "dockloop-" not in said  # a temporary folder
+
+
+def test_whole_numbers_of_a_sweep_may_have_a_point():
+    vary = [{"type": "uniform", "name": "chaser.mass", "range": [1e4, 2e4]}]
+    sweep = {"scene": SCENE, "vary": vary, "experiment": {"stop": 0.1}}
+    found = [dl.sweep({**sweep, "cases": of(2), "seed": of(1)}) for of in (int, float)]
+    assert found[0]["chaser.mass"].tolist() == found[1]["chaser.mass"].tolist()
+
+
+def test_a_file_of_a_robot_is_no_mechanism_and_the_way_is_said():
+    Path("robot.urdf").write_text(urdf())
+    assert "'dockloop import' reads MJCF, URDF and SDF" in refusal(lambda: dl.check("robot.urdf"))
 
 
 def test_states_of_a_mechanism_may_be_given_as_a_text():

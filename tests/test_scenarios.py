@@ -7,6 +7,7 @@
 """
 
 import re
+from decimal import Decimal
 
 import pandas as pd
 import pytest
@@ -72,6 +73,13 @@ def test_a_frame_gives_the_named_cases_and_meets_a_grid():
     check_equal(by_index, sweep_named())
     without = dl.sweep(SWEEP, cases=FRAME.drop(columns="name"))
     assert without["name"].tolist() == ["1", "2", "3"]
+
+
+def test_frames_of_databases_and_headings_of_people():
+    decimals = FRAME.assign(**{"chaser.mass": [Decimal("20000"), None, Decimal("30000")]})
+    check_equal(dl.sweep(SWEEP, cases=decimals.rename(columns={"name": "Name"})), sweep_named())
+    both = FRAME.set_index("name", drop=False)  # pandas cannot put the index back
+    check_equal(dl.sweep(SWEEP, cases=both), sweep_named())
 
 
 def test_the_table_needs_the_list_no_more(dockloop, tmp_path):

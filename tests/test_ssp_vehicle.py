@@ -117,6 +117,8 @@ def test_loads_of_thrusters_are_connected(dockloop, foreign):
     [
         (("r_*", "x_*"), r"names\.toml: chaser\.position: theirs\.fmu has no variable 'x_1'"),
         (('"r_*"', '["r_1", "r_2"]'), r"chaser\.position has 2 names: must have 3"),
+        (('"r_*"', '["r_1", "r_1", "r_3"]'), r"chaser\.position has 'r_1' twice"),
+        (('"r_*"', '"r"'), r"chaser\.position has 1 names: must have 3, or one name with"),
         (('"r_*"', "3"), r"chaser\.position is 3: must be a name with \*, or a list"),
         (("r_*", "F_*"), r"'F_1' of theirs\.fmu is an input of type Real: must be an output"),
         (("position =", "positio ="), r"has 'positio' \(did you mean 'position'\?\)"),
@@ -227,6 +229,9 @@ VALUES = """<ssv:ParameterSet version="1.0" name="scene"
 </ssv:Parameters></ssv:ParameterSet>"""
 
 
+EMPTY = VALUES[: VALUES.index("<ssv:Parameters>")] + "</ssv:ParameterSet>"
+
+
 def test_values_of_ssp_are_start_values(dockloop):
     Path("own.ssv").write_text(VALUES)
     command = ("run", SCENE, "--stop", "0.1", "--step", "0.1", "--no-plots", "-o", "own.npz")
@@ -248,6 +253,10 @@ def test_values_of_ssp_are_start_values(dockloop):
         (("ssv:Integer", "ssv:String"), "'solver.method' has String: must have one of Real"),
         (("ssv:ParameterSet", "ssv:Other"), "must be an SSV file"),
         (("<ssv:Parameters>", ""), "own.ssv: is not SSV"),
+        (("solver.method", "chaser.mass"), "own.ssv: has 'chaser.mass' twice"),
+        (("ssv:Parameter name", "ssv:Value name"), "own.ssv: is not SSV"),
+        ((VALUES, EMPTY), "own.ssv: has no parameters of http://ssp-standard.org/SSP1/"),
+        (('unit="t"', 'unit="ton"'), "'chaser.mass' is in ton: must be in kg"),
     ],
 )
 def test_values_of_ssp_that_are_wrong_are_refused(dockloop, change, words):

@@ -106,6 +106,33 @@ TEXTS = {  # text of the table, values; form to state, encoding
         "sep=;, decimal=,, header=2, units=3",
     ),
     "comment stated": ("* rig\n" + join([HEADS, *ROWS]), SI, "comment=*"),
+    "units in a comment below the names": (join([NAMES, ["#s", "mm", "kN"], *ROWS]), SI),
+    "names and units in comments": ("# " + join([NAMES, ["# s", "mm", "kN"], *ROWS]), SI),
+    "units behind a comma": (
+        join([["time, s", "relative.axial, mm", "capture.force[1], kN"], *COMMA], ";"),
+        SI,
+    ),
+    "typography": (
+        join([HEADS, *ROWS]).replace("1234.5", "1\u202f234.5").replace("-3.5", "\u22123.5"),
+        SI,
+    ),
+    "Swiss thousands": (join([HEADS, *ROWS], ";").replace("1234.5", "1'234.5"), SI),
+    "Fortran": (
+        join([NAMES, *[[f"{float(c):.6E}".replace("E", "D") for c in row] for row in ROWS]], " "),
+        PLAIN,
+    ),
+    "two marks, zeros and the end of a DOS file": (
+        "\ufeff\ufeff" + join([HEADS, *ROWS]) + "\x1a" + "\0" * 99,
+        SI,
+    ),
+    "LabVIEW": (
+        "LabVIEW Measurement\t\nX_Columns\tOne\nTime\t12:09:34,2387\n***End_of_Header***\t\n"
+        "Channels\t2\t\t\nX0\t0,0\t0,0\t\nDelta_X\t0,25\t0,25\t\n***End_of_Header***\t\t\n"
+        + "\t".join([*HEADS, "Comment"])
+        + "\n"
+        + join(COMMA, "\t"),
+        SI,
+    ),
 }
 
 
@@ -168,6 +195,39 @@ def write_hdf5(path):
             file[f"bench/{name}"].attrs["unit"] = unit
 
 
+def write_packed(path):
+    """As netCDF and MATLAB do: whole numbers with scale and blanks, units in arrays."""
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(path, "w") as file:
+        file["time"], file["relative.axial"] = TIME, np.array([*AXIAL]) * 8.0 + 8
+        file["capture.force[1]"] = np.array([0, 1500, -2, 4000], dtype="int16")
+        for name, unit in zip(NAMES, UNIT_ROW[1], strict=True):
+            file[name].attrs["Units"] = np.array([unit.encode()])
+        file["relative.axial"].attrs.update(scale_factor=0.125, add_offset=-1.0)
+        file["capture.force[1]"].attrs.update(scale_factor=1e-3, _FillValue=np.int16(-9999))
+
+
+def write_record(path):
+    kinds = [(name, float) for name in NAMES]
+    np.savez(path, result=np.array([*zip(TIME, AXIAL, FORCE, strict=True)], dtype=kinds))
+
+
+def write_durations(path):
+    pyarrow = pytest.importorskip("pyarrow")
+    from pyarrow import parquet
+
+    times = pyarrow.array([int(4e9 * t) // 4 for t in TIME], type=pyarrow.duration("ns"))
+    parquet.write_table(pyarrow.table(dict(zip(HEADS, (times, AXIAL, FORCE), strict=True))), path)
+
+
+def write_texts(path):
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    for row in [HEADS, *COMMA]:
+        book.active.append(row)
+    book.save(path)
+
+
 def write_npz(path):
     values = np.column_stack([TIME, SI["relative.axial"], SI["capture.force[1]"]])
     np.savez(path, names=NAMES, units=["s", "m", "N"], values=values)
@@ -182,6 +242,10 @@ def write_npz(path):
         ("result.mat", write_trajectories, PLAIN, ""),
         ("rig.h5", write_hdf5, SI, ""),
         ("rig.npz", write_npz, SI, ""),
+        ("rig.npz", write_record, PLAIN, ""),
+        ("rig.nc", write_packed, SI, ""),
+        ("rig.parquet", write_durations, SI, ""),
+        ("rig.xlsx", write_texts, SI, ""),
     ],
 )
 def test_files_of_tools_give_the_same_values(tmp_path, file, write, values, form):
@@ -249,6 +313,7 @@ def test_the_table_of_fmpy_is_data_for_a_run(dockloop, tmp_path, runs):
         (["31.03.2026 12:00:00", "31.03.2026 12:00:00.123456789"], 0.123456789,
          "2026-03-31 12:00:00", ""),
         (["23:00:00", "23:00:01.5"], 1.5, "23:00:00", ""),
+        (["23:59:59.5", "00:00:01"], 1.5, "23:59:59.5", ""),
         (["03/31/2026 01:00:00 PM", "03/31/2026 01:00:02 PM"], 2.0, "2026-03-31 13:00:00",
          "date=%m/%d/%Y %I:%M:%S %p"),
     ],
@@ -258,6 +323,24 @@ def test_times_may_be_dates(tmp_path, texts, seconds, start, form):
     data = read(save(tmp_path / "rig.csv", join(rows)), form)
     assert data.time == pytest.approx([0.0, seconds], abs=1e-10)
     assert data.source["time_from"] == start
+
+
+def test_minutes_are_no_hours_where_the_heading_says_so(tmp_path):
+    for cells in (["01:30", "01:31"], ["01:30.0", "01:31.0"]):
+        rows = [["Time [mm:ss]", "gap [m]"], [cells[0], "1"], [cells[1], "2"]]
+        assert read(save(tmp_path / "rig.csv", join(rows))).time.tolist() == [0.0, 1.0]
+
+
+def test_what_c_writes_for_no_number_is_missing(tmp_path):
+    blanks = ["-nan", "+NaN", "nan(ind)", "-nan(snan)", "1.#QNAN", "-1.#IND00", "n.a."]
+    rows = [
+        ["time", "gap"],
+        ["0", "5"],
+        *([str(i), b] for i, b in enumerate(blanks, 1)),
+        ["9", "6"],
+    ]
+    found = read(save(tmp_path / "rig.csv", join(rows)))["gap"]
+    np.testing.assert_array_equal(found, [5.0, *[np.nan] * len(blanks), 6.0])
 
 
 def test_dates_of_excel_are_times(tmp_path):
@@ -281,6 +364,13 @@ def test_columns_have_rates_and_times_of_their_own(tmp_path):
     assert data.time == pytest.approx([0.0, 0.05, 0.1, 0.15, 0.25])
     np.testing.assert_array_equal(data["gap"], [1.0, np.nan, 2.0, np.nan, np.nan])
     np.testing.assert_array_equal(data["relative.axial"], [np.nan, 7.0, np.nan, 8.0, 9.0])
+
+
+def test_a_clock_that_no_column_belongs_to_is_left_alone(tmp_path):
+    both = ["time", "t [s]", "gap [m]"], ["2026-03-31 12:00:00", "0", "1"], ["", "0.5", "2"]
+    data = read(save(tmp_path / "two.csv", join(both)))
+    assert data.time.tolist() == [0.0, 0.5]
+    assert data.source["time_from"] is None
 
 
 def test_groups_of_hdf5_have_times_of_their_own(tmp_path):
@@ -333,6 +423,7 @@ def test_a_map_leaves_columns_out_and_names_columns_without_a_header(tmp_path):
         ("Fz", "'Fz' must have an output and its unit"),
         ("Fz=gap:m,Fz=gap:m", "has 'Fz' twice"),
         ("none.toml", "none.toml: no such map of columns"),
+        ("Fz, dx=gap", "has no column 'Fz, dx'"),
     ],
 )
 def test_bad_maps_are_refused(tmp_path, monkeypatch, columns, words):
@@ -376,6 +467,8 @@ INCH, POUND, DEGREE = 0.0254, 0.45359237 * 9.80665, math.pi / 180.0  # definitio
         *[("°/s", "rad/s", DEGREE), ("rpm", "rad/s", math.pi / 30.0), ("mrad", "rad", 1e-3)],
         *[("m s-2", "m/s2", 1.0), ("m/s²", "m/s2", 1.0), ("g", "m/s2", 9.80665), ("g", "kg", 1e-3)],
         *[("N/mm", "N/m", 1e3), ("kg m2", "kg.m2", 1.0), ("µs", "s", 1e-6), ("-", "1", 1.0)],
+        *[("Nmm", "N.m", 1e-3), ("daNm", "N.m", 10.0), ("in.", "m", INCH), ("G", "m/s2", 9.80665)],
+        *[("rev", "rad", 360 * DEGREE), ("º", "rad", DEGREE), ("m·s⁻²", "m/s2", 1.0)],
         *[(unit, "rad/s", None) for unit in ("Hz", "1/s", "deg", "rad")],
         *[(unit, "N", None) for unit in ("kg", "KN", "", "m**9**9**9", "(2)**9", "N*", "x" * 99)],
         *[("%", "rad", None), ("kN", "1", 1e3), ("degC", "m", None), ("nan", "m", None)],
@@ -422,6 +515,16 @@ MALFORMED = {  # content: words of the sentence
     "one column": ("time [s]\n0\n1\n", "has no columns: must have at least two"),
     "bytes": (bytes(range(256)), "is no table: neither text in UTF-8 or Windows-1252 nor Excel"),
     "old Excel": (b"\xd0\xcf\x11\xe0" + bytes(600), "Excel file of before 2007: save it as .xlsx"),
+    "LabVIEW, binary": (b"TDSm" + bytes(60), "is a TDMS file of LabVIEW: export the table as CSV"),
+    "LabVIEW, two": ("***End_of_Header***\n" * 3 + HEAD + "0,1\n", "has 2 segments of LabVIEW"),
+    "JSON": ('[{"time": 0}]', "is a JSON file: export the table as CSV"),
+    "a page": ("<html><table>", "is XML or HTML: export the table as CSV"),
+    "an array": (b"\x93NUMPY" + bytes(60), "an array without names: write each"),
+    "OpenDocument": (b"PK\3\4mimetype" + b"PK\5\6" + bytes(30), "is an archive: unpack it"),
+    "a control character": (HEAD + "0,1\n1,2\7\n" + "2,3\n" * 40, "line 3 has the character"),
+    "decimal commas between commas": (HEAD + "0,0,1,25\n0,5,2,25\n", "has 4 names"),
+    "numbers above the names": ("1,2\ntime,gap\n0,1\n1,2\n", "state one by --csv 'header=N'"),
+    "names above a row of kinds": ("time,gap\nmean,raw\n0,1\n1,2\n", "names are from line 2"),
     "compressed": (b"\x1f\x8b\x08" + bytes(20), "is compressed: unpack it"),
     "zip": (b"PK\x03\x04" + bytes(30), "cannot be read"),
     "cut Parquet": (b"PAR1" + bytes(30), "cannot be read"),

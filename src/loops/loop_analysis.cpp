@@ -112,6 +112,7 @@ class FullSystem {
       set_pose(q);
       const double open = residual.size() > 0 ? residual.cwiseAbs().maxCoeff() : 0.0;
       if (open < 1e-13) return true;
+      if (velocities.empty()) return open < 1e-10;
       MatX<double> part(G.rows(), static_cast<int>(velocities.size()));
       for (size_t j = 0; j < velocities.size(); ++j) {
         part.col(static_cast<int>(j)) = G.col(velocities[j]);

@@ -46,6 +46,7 @@ int find_rank(const MatX<double>& matrix, double threshold) {
 }
 
 std::vector<int> find_pivots(const MatX<double>& matrix, int count) {
+  if (count == 0) return {};  // a matrix without rows has no factorisation
   const Eigen::ColPivHouseholderQR<MatX<double>> qr(matrix);
   const auto* first = qr.colsPermutation().indices().data();
   std::vector<int> pivots(first, first + count);

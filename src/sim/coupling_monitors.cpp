@@ -23,7 +23,6 @@ constexpr double kCreatedError = 0.3;        ///< the same, for a refusal
 constexpr int kLoadedSteps = 10;             ///< until identified numbers are a diagnosis
 constexpr double kModeTime = 2.0;            ///< with loads: until then a mode may show [s]
 constexpr double kCentreShare = 0.01;        ///< of the radius of gyration, for a wrong centre
-constexpr double kHeldShare = 1e-12;         ///< of 1 m and the distance: motion that shows
 constexpr double kSeenInnovation = 1e-2;     ///< that a refusal mentions [m/s] ...
 constexpr double kSeenAngle = 1e-3;          ///< ... and of the first attitude [rad]
 constexpr double kHeldGrowth = 0.1;          ///< growth per step that damping holds, a guess [-]
@@ -156,13 +155,13 @@ HostFinding HostCoupling::judge(int i, const VehicleState& z) {
   ReportSums& sums = state_.coupling.reports[static_cast<size_t>(i)];
   const double h = v.interval, keep = std::pow(kForget, h / kForgetTime);
   HostFinding found;
-  if (!is_same_motion(inputs_.vehicle[i], v.input)) {  // a report that stays is an old one
-    const ReportPair pair{v.input,    inputs_.vehicle[i],
-                          h,          (z.v - v.received.v).norm(),
-                          z.v.norm(), setup_->parameters.vehicle[i].interface_position};
+  const ReportPair pair{v.input,    inputs_.vehicle[i],
+                        h,          (z.v - v.received.v).norm(),
+                        z.v.norm(), setup_->parameters.vehicle[i].interface_position};
+  if (!is_same_motion(inputs_.vehicle[i], v.input)) {
     found = judge_motion(pair, keep, sums);
-  } else if (h * v.input.velocity.norm() > kHeldShare * (1.0 + v.input.position.norm())) {
-    note_held_motion(sums);
+  } else {  // a report that stays is an old one
+    found = judge_unchanged(pair, setup_->parameters.coupling_delay, sums);
   }
   if (v.since < v.restated) return found;  // a report of the mass before
   LoadStep step;

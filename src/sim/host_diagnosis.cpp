@@ -28,6 +28,8 @@ constexpr double kChangeShare = 0.5;       ///< of its change over the step
 constexpr double kReportRounding = 1e-15;  ///< of positions and attitudes
 constexpr int kFewErrors = 3;              ///< consecutive, for an alternative that fits
 constexpr int kManyErrors = 6;             ///< consecutive, without such an alternative
+constexpr double kHeldShare = 1e-12;       ///< of 1 m and the distance: motion that shows
+constexpr double kUnchangedTime = 1.0;     ///< of a report, beyond the stated delay [s]
 constexpr double kExplained = 0.04;        ///< of the squares of errors, by an alternative
 constexpr double kNothing = 1e-6;          ///< of squares: no motion at all
 constexpr double kPointRank = 1e-6;        ///< of squares of turns: a part of a point that shows
@@ -124,11 +126,13 @@ bool is_in_other_axes(const Vec3<double>& reported, const Vec3<double>& right) {
   return found;
 }
 
-/// The reading with the least error, if this error is a small part of the error as reported.
+/// The reading with the least error, if this error is a small part of the error as reported and of
+/// the motion. @param motion2  squares of rates of what moves
 template <size_t count>
-size_t find_reading(const std::array<double, count>& error2) {
+size_t find_reading(const std::array<double, count>& error2, double motion2) {
   const auto least = std::min_element(error2.begin(), error2.end());
-  return *least < kExplained * error2[0] ? static_cast<size_t>(least - error2.begin()) : 0;
+  const double most = kExplained * std::min(error2[0], motion2);
+  return *least < most ? static_cast<size_t>(least - error2.begin()) : 0;
 }
 
 /// Squares of errors that another mass (inertia) does not explain.
@@ -444,13 +448,12 @@ HostFinding judge_first_report(const Inputs::Vehicle& report, const Inputs::Vehi
   return {kFirstPosition, away.norm()};
 }
 
-void note_held_motion(ReportSums& sums) { ++sums.held_steps; }
-
 HostFinding judge_motion(const ReportPair& pair, double keep, ReportSums& sums) {
   const double h = pair.h;
-  if (sums.held_steps > 0) {
-    const int steps = 1 + std::exchange(sums.held_steps, 0);
-    if (++sums.held_reports >= kFewErrors) return {kMotionHeld, steps * h};
+  const int steps = 1 + std::exchange(sums.unchanged, 0);
+  const double least = kHeldShare * (1.0 + pair.begin.position.norm());
+  if (steps > 1 && h * pair.begin.velocity.norm() > least && ++sums.held_reports >= kFewErrors) {
+    return {kMotionHeld, steps * h};
   }
   // Attitude and angular velocity.
   double error = 0.0, allowed = 0.0;
@@ -474,7 +477,7 @@ HostFinding judge_motion(const ReportPair& pair, double keep, ReportSums& sums) 
   const bool is_constant = sums.turn2 < kNothing * sums.spin2;
   const bool is_missing = sums.spin2 < kNothing * sums.turn2;
   if (sums.turn_errors >= kFewErrors && !is_constant && !is_missing) {
-    const size_t reading = find_reading(sums.turn_error2);
+    const size_t reading = find_reading(sums.turn_error2, sums.turn2);
     if (reading > 0) return {kAttitudeReadings[reading].fault, 0.0};
   }
   if (sums.turn_errors >= kManyErrors) {
@@ -505,7 +508,7 @@ HostFinding judge_motion(const ReportPair& pair, double keep, ReportSums& sums) 
             kChangeShare * pair.change;
   sums.move_errors = error > allowed ? sums.move_errors + 1 : 0;
   if (sums.move_errors >= kFewErrors) {
-    const size_t reading = find_reading(sums.move_error2);
+    const size_t reading = find_reading(sums.move_error2, sums.move2);
     if (reading > 0) return {kVelocityReadings[reading], pair.interface_position.norm()};
     const double units = sums.velocity2 > 0.0 ? sums.move_velocity / sums.velocity2 : 0.0;
     const double left = sums.move2 - units * sums.move_velocity;
@@ -528,6 +531,13 @@ HostFinding judge_motion(const ReportPair& pair, double keep, ReportSums& sums) 
     return {kFirstAttitude, sums.first_angle};
   }
   return {};
+}
+
+HostFinding judge_unchanged(const ReportPair& pair, double delay, ReportSums& sums) {
+  const bool is_old =
+      ++sums.unchanged >= kManyErrors && sums.unchanged * pair.h > kUnchangedTime + delay;
+  return is_old && pair.speed > kMoveError ? HostFinding{kPositionConstant, pair.speed}
+                                           : HostFinding();
 }
 
 HostFinding judge_loads(const LoadStep& step, double keep, ReportSums& sums) {

@@ -167,19 +167,20 @@ struct ResponseSums {
 /// Sums over the reports of one vehicle; old reports fade out. An array has one entry for each
 /// reading of the reports (host_diagnosis.cpp).
 struct ReportSums {
-  std::array<double, 7> turn_error2{};   ///< attitude and angular velocity [rad2/s2]
-  double turn2 = 0.0, spin2 = 0.0;       ///< [rad2/s2]
-  int turn_errors = 0;                   ///< consecutive reports with an error
-  int held_steps = 0, held_reports = 0;  ///< steps since the last motion; motions that were held
-  double first_angle = 0.0;              ///< between first attitude and start attitude [rad]
-  std::array<double, 4> move_error2{};   ///< position and velocity [m2/s2]
+  std::array<double, 7> turn_error2{};  ///< attitude and angular velocity [rad2/s2]
+  double turn2 = 0.0, spin2 = 0.0;      ///< [rad2/s2]
+  int turn_errors = 0;                  ///< consecutive reports with an error
+  double first_angle = 0.0;             ///< between first attitude and start attitude [rad]
+  std::array<double, 4> move_error2{};  ///< position and velocity [m2/s2]
   Mat3<double> point_matrix = Mat3<double>::Zero();  ///< equations of a point of the vehicle ...
   Vec3<double> point_side = Vec3<double>::Zero();    ///< ... whose position is reported
   double move2 = 0.0, move_velocity = 0.0, velocity2 = 0.0;  ///< [m2/s2]
   int move_errors = 0;                                       ///< consecutive, too
-  ResponseSums force, torque;                                ///< [m2/s2], [rad2/s2]
-  double first_load = 0.0;  ///< the first announced load, if it did not act [N]
-  int unmodelled = 0;       ///< consecutive steps with an error that no load explains
+  int unchanged = 0;                                         ///< reports since the last new motion
+  int held_reports = 0;  ///< motions that were reported several times, although the vehicle moves
+  ResponseSums force, torque;  ///< [m2/s2], [rad2/s2]
+  double first_load = 0.0;     ///< the first announced load, if it did not act [N]
+  int unmodelled = 0;          ///< consecutive steps with an error that no load explains
   double unmodelled_time = 0.0, unmodelled_sum2 = 0.0;  ///< of these steps [s], [m2/s4]
   Vec3<double> unmodelled_sum = Vec3<double>::Zero();   ///< of their accelerations [m/s2]
   ModeSums mode;
@@ -205,11 +206,11 @@ struct ReportPair {
   const Vec3<double>& interface_position;  ///< body axes [m]
 };
 
-/// The motion of the last report again, although the vehicle moves.
-void note_held_motion(ReportSums& sums);
-
 /// Does the pose follow the rates? @param keep  factor of older sums
 HostFinding judge_motion(const ReportPair& pair, double keep, ReportSums& sums);
+
+/// Is a report that does not change older than any delay? @param delay  stated [s]
+HostFinding judge_unchanged(const ReportPair& pair, double delay, ReportSums& sums);
 
 /// What a vehicle did over a step with a load of its host.
 struct LoadStep {

@@ -37,11 +37,10 @@ from typing import Any, BinaryIO, NamedTuple
 
 from dockloop.base import paths
 from dockloop.base.errors import FULL, DockloopError, UsageError, find_reason
-from dockloop.base.paths import shown
+from dockloop.base.paths import SCRATCH, shown
 from dockloop.base.schema import known_members, load_schema
 
 MADE_BY = "made_by"  # first member of every JSON document that a command writes
-_SCRATCH: set[Path] = set()  # temporary folders in use
 _HEAD = 1 << 20  # bytes of a file that are looked at
 _PNG = b"\x89PNG\r\n\x1a\n"
 _BEGINNINGS = {_PNG: "a figure of something else", b"PK": "a zip file", b"PAR1": "a table"}
@@ -213,7 +212,7 @@ def write_text(path: Path, kind: Kind, text: str) -> None:
 
 def cannot_write(path: Path, error: OSError) -> DockloopError:
     """Return the error for a file that cannot be written."""
-    folder = next((folder for folder in tuple(_SCRATCH) if path.is_relative_to(folder)), None)
+    folder = next((folder for folder in tuple(SCRATCH) if path.is_relative_to(folder)), None)
     if error.errno in FULL and folder:
         return _no_space(folder)
     return DockloopError(f"{shown(path)}: cannot be written ({find_reason(error)})")
@@ -238,11 +237,11 @@ def scratch(parent: str | None = None) -> Iterator[Path]:
             f"no temporary folder can be made ({find_reason(error)}): let TMPDIR name one"
         ) from None
     with folder as name, filling(Path(name)):
-        _SCRATCH.add(Path(name))
+        SCRATCH.add(Path(name))
         try:
             yield Path(name)
         finally:
-            _SCRATCH.discard(Path(name))
+            SCRATCH.discard(Path(name))
 
 
 @contextmanager

@@ -120,8 +120,10 @@ def parse_columns(
                 raise UsageError(f"{shown(text)}: is no TOML file ({error})") from None
             pairs += [(shown(text), name, value) for name, value in members.items()]
         else:
-            parts = (part.partition("=") for part in re.split(r",(?=[^,=]*=)", text))
-            pairs += [(f"{option} '{text}'", n.strip(), v if e else None) for n, e, v in parts]
+            parts = re.findall(r"([^=]+)(?:=([^=,]*))?(?:,|$)", text) or [(text, "")]
+            pairs += [
+                (f"{option} '{text}'", n.strip(), v if "=" in text else None) for n, v in parts
+            ]
     found: dict[str, tuple[str, str]] = {}
     for place, name, value in pairs:
         if not isinstance(value, str) or not name:
@@ -169,12 +171,13 @@ def read_data(  # noqa: PLR0917  what a table is, then how to read it
     times = [channel for channel in channels if channel.name == "time"]
     measured = [channel for channel in channels if channel.name != "time"]
     _check_channels(table, times, measured, terms)
+    owners = [_find_time(table, times, channel, terms) for channel in measured]
+    times = [time for time in times if any(owner is time for owner in owners)]
     clocks, start = table.read_times([time.column for time in times])
     parts = []  # time and values of the columns that share a time
     for time, clock in zip(times, clocks, strict=True):
-        own = [c for c in measured if _find_time(table, times, c, terms) is time]
-        if own:
-            parts.append((own, *_read_part(table, time, clock * time.factor, own)))
+        own = [c for c, owner in zip(measured, owners, strict=True) if owner is time]
+        parts.append((own, *_read_part(table, time, clock * time.factor, own)))
     rows = np.concatenate([clock for _, clock, _ in parts])
     values = np.full((len(rows), len(measured)), np.nan)
     begin = 0
@@ -246,7 +249,8 @@ def find_channels(
         if not unit and has_units and own != "1":
             raise UsageError(
                 f"{table.place}: the heading '{column.heading}' has no unit, but others have: must"
-                f" have one, for example '{output} [{own}]'"
+                f" have one, for example '{output} [{own}]', or"
+                f" {terms.say_map(column.name, f'{output}:{own}')}"
             )
         unit = unit or own
         factor = find_factor(unit, own)
@@ -307,22 +311,35 @@ def _check_channels(
 ) -> None:
     """Refuse a table without time or variables, and a variable that two columns mean."""
     if not times:
+        name = next((column.name for column in table.columns if column.name), NAMELESS)
+        header, more = table.form.get("header"), ""
+        if isinstance(header, int):
+            more = f"; names are from {table.line} {header}, state another one by --csv 'header=N'"
+        elif "none" in str(header):
+            count = len(table.columns)
+            more = f"; no line above the values has {count} names, state one by --csv 'header=N'"
         raise UsageError(
             f"{table.place}: no column is the time: must have 'time [s]', or name it, for example"
-            f" {terms.say_map(table.columns[0].name, 'time:s')}"
+            f" {terms.say_map(name, 'time:s')}{more}"
         )
     if not measured:
+        others = [c.name for c in table.columns if all(c is not t.column for t in times)]
         raise UsageError(
             f"{table.place}: has no column of an {terms.what} of {terms.owner}: name them, for"
-            f" example {terms.say_map(table.columns[-1].name, terms.example)}"
+            f" example {terms.say_map((others or ['COLUMN'])[-1], terms.example)}"
         )
-    names = [channel.name for channel in measured]
+    check_once(table, measured, terms)
+
+
+def check_once(table: Table, channels: Sequence[Channel], terms: Terms) -> None:
+    """Refuse a table with two columns of one variable. Raises UsageError."""
+    names = [channel.name for channel in channels]
     for i, name in enumerate(names):
         if name in names[:i]:
-            both = "' and '".join(c.column.heading for c in measured if c.name == name)
+            both = "' and '".join(c.column.heading for c in channels if c.name == name)
             raise UsageError(
                 f"{table.place}: has two columns '{name}' ('{both}'): leave one out, for example"
-                f" {terms.say_map(measured[i].column.name)}"
+                f" {terms.say_map(channels[i].column.name)}"
             )
 
 

@@ -30,12 +30,18 @@ COMPARE_LIBRARY = COMPILED / "dockloop_compare.so"
 GENERATOR = COMPILED / "dockloop-kernel"
 KERNELS = BUILD / "kernels"  # compiled ones, by the hash of their source
 PLATFORMS = (ROOT if IS_INSTALLED else ROOT / "build") / "platforms"  # made by scripts/platforms
+SCRATCH: set[Path] = set()  # temporary folders in use
 OUTSIDE = ROOT / "build" / "deps" / "source"  # of the outside packages, for portable binaries
 
 
 def shown(path: Path | str) -> str:
-    """Return a path as people want to read it: relative when it is below the current folder."""
+    """Return a path as people want to read it: relative when it is below the current folder.
+
+    Of what this process wrote for itself, a scene that was given as a group, the name is enough.
+    """
     path = Path(path)
+    if any(path.is_relative_to(folder) for folder in tuple(SCRATCH)):
+        return path.name
     try:
         return str(Path(os.path.normpath(Path.cwd() / path)).relative_to(Path.cwd()))
     except (ValueError, OSError):  # elsewhere; there is no current folder

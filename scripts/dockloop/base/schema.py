@@ -266,7 +266,8 @@ def _sentence(error: Any, root: dict) -> str:
     where = path or "the document"
     value, limit = error.instance, error.validator_value
     text = json.dumps(value, default=str)  # TOML has dates
-    shown_value = text if len(text) < 60 else "what it is"
+    long = {"{": "a group of members", "[": "a list"}.get(text[0], f"{text[:50]}...")
+    shown_value = text if len(text) < 60 else long
     match error.validator:
         case "required":
             return f"{where} lacks the member '{_find_missing(error)}'"

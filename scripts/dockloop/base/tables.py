@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import date, datetime, timedelta
 from datetime import time as clock
+from decimal import Decimal
 from itertools import dropwhile, filterfalse
 from pathlib import Path
 from typing import Any
@@ -40,26 +41,38 @@ FORM = {  # what can be stated of a table: meaning
 _NAMED = {"tab": "\t", "\\t": "\t", "space": " ", "comma": ",", "semicolon": ";"}
 _SEPARATORS = ("\t", ";", "|", ",", " ")
 _COMMENTS = ("#", "%", "//", "!")
-_MISSING = ("", "nan", "na", "n/a", "#n/a", "null", "none", "nil", "-", "--")
+_MISSING = ("", "na", "n/a", "n.a.", "#n/a", "null", "none", "nil", "-", "--")
+_NAN = re.compile(r"[+-]?(nan(\(\w*\))?|1[.,]#(qnan|snan|ind)\w*)")  # as C libraries write it
 _BOOLEANS = {"true": 1.0, "false": 0.0}
 _OTHER_SIGN = {".": ",", ",": "."}
 _GROUPED = {
     sign: re.compile(rf"[+-]?\d{{1,3}}(\{other}\d{{3}})+\{sign}\d+")
     for sign, other in _OTHER_SIGN.items()
 }
+_BETWEEN = r"['\u00a0\u2007\u2009\u2019\u202f]"  # thousands, beyond doubt
+_SPACED = re.compile(rf"[+-]?\d{{1,3}}(?:{_BETWEEN}\d{{3}})+(?:[.,]\d+)?")
 _AMBIGUOUS = re.compile(r"[+-]?[1-9]\d{0,2}([.,])\d{3}")  # a group of thousands, or decimals
 _SAMPLE = 100  # lines that decide about delimiter and decimal sign
-_OTHERS = {  # beginning of a file: what it is, what to do
-    b"\xd0\xcf\x11\xe0": "an Excel file of before 2007: save it as .xlsx",
-    b"\x1f\x8b": "compressed: unpack it",
+_OTHERS: dict[bytes | tuple[bytes, ...], str] = {  # beginning of a file: what it is, what to do
+    b"\xd0\xcf\x11\xe0": "an Excel file of before 2007: save it as .xlsx, without a password",
+    (b"\x1f\x8b", b"BZh", b"7z\xbc", b"\xfd7zXZ", b"(\xb5/\xfd"): "compressed: unpack it",
+    b"TDSm": "a TDMS file of LabVIEW: export the table as CSV or HDF5",
+    b"MDF ": "an MDF file: export the table as CSV or MAT",
+    b"\x93NUMPY": "an array without names: write each column by numpy.savez",
+    (b"ARROW1", b"FEA1"): "an Arrow file: save it as Parquet",
+    (b"<?xml", b"<html", b"<!DOCTYPE"): "XML or HTML: export the table as CSV",
+    (b"{", b"[{", b"[["): "a JSON file: export the table as CSV",
     b"%PDF": "a PDF file: export the table as CSV",
     b"SQLite format": "a database: export the table as CSV",
 }
 _HEADING = re.compile(
     r"(?P<name>.*?)"
-    r"(?:\s*\[(?P<square>[^\[\]]*)\]|\s*\((?P<round>[^()]*)\)|\s*/\s*(?P<slash>[^\s/][^\s]*))"
+    r"(?:\s*\[(?P<square>[^\[\]]*)\]|\s*\((?P<round>[^()]*)\)|\s*/\s*(?P<slash>[^\s/][^\s]*)"
+    r"|\s*,\s*(?P<comma>[^\W\d_][^,\[\]()]*))"
     r"\s*(?:(?:\+-|±)\s*(?P<accuracy>\S+)\s*)?"
 )
+_BLANKS = ("_fillvalue", "missing_value")  # attributes of netCDF
+_STATED = ("square", "round", "slash", "comma")
 _WORD = re.compile(r'"[^"]*"|[\[(][^\])]*[\])](?:\s*(?:\+-|±)\s*\S+)?|[^\s\[(]+(?:\[\d+\]\S*)*')
 _MOMENT = re.compile(
     r"(?:(?:(\d{4})[-/.](\d{1,2})[-/.](\d{1,2})|(\d{1,2})\.(\d{1,2})\.(\d{4}))(?:[T\s]+|$))?"
@@ -157,9 +170,17 @@ class Table:
     def _read_moments(self, column: Column) -> list[_Moment | None]:
         """Return the moments of a column, None where nothing is."""
         moments: list[_Moment | None] = []
+        has_minutes = re.match("m+:s", (column.unit or "").lower())  # else 01:30 is of hours
+        days, last = 0, -math.inf
         for row, cell in enumerate(column.cells):
-            moments.append(None if is_missing(cell) else find_moment(cell, self.form.get("date")))
-            if moments[-1] is None and not is_missing(cell):
+            text = f"0:{cell}" if has_minutes and str(cell).count(":") == 1 else cell
+            moment = None if is_missing(cell) else find_moment(text, self.form.get("date"))
+            if moment and not moment[0]:  # a time of day, perhaps of the next one
+                days += 86400 * (moment[1] + days < last - 43200)
+                last = moment[1] + days
+                moment = (0, last, moment[2])
+            moments.append(moment)
+            if moment is None and not is_missing(cell):
                 raise self._refuse(
                     column,
                     row,
@@ -185,6 +206,8 @@ class Table:
             return math.nan
         if isinstance(cell, str):
             return find_number(cell, self.form.get("decimal", "."))
+        if isinstance(cell, np.timedelta64):
+            return math.inf
         try:
             number = float(cell)
         except (TypeError, ValueError, OverflowError):
@@ -206,22 +229,27 @@ class Table:
         cell = cell.item() if hasattr(cell, "item") else cell
         if isinstance(cell, float) and cell.is_integer() and abs(cell) < 2**53:
             return int(cell)  # Excel has one kind of number
+        cell = float(cell) if isinstance(cell, Decimal) else cell  # of a database
         return cell if is_number(cell) or isinstance(cell, bool) else str(cell)
 
 
 def is_missing(cell: Any) -> bool:
     """Return whether nothing is in a cell."""
     if isinstance(cell, str):
-        return cell.strip().lower() in _MISSING
+        text = cell.strip().lower()
+        return text in _MISSING or bool(_NAN.fullmatch(text))
     return cell is None or cell != cell  # noqa: PLR0124  not a number, not a time
 
 
 def find_number(text: str, decimal: str) -> float:
     """Return the number that a text is, with 1 for true; infinity: it is none.
 
-    Thousands may be grouped where this has one meaning only: ``1.234,5`` with a decimal comma.
+    Thousands may be grouped where this has one meaning only: ``1.234,5`` with a decimal comma,
+    ``1'234`` with both. Fortran writes ``1D-3``, and some programs a minus of typography.
     """
-    text = text.strip()
+    text = re.sub(r"(?<=[\d.])[dD](?=[+-]?\d)", "e", text.strip().replace("\u2212", "-"))
+    if _SPACED.fullmatch(text):
+        text = re.sub(_BETWEEN, "", text)
     if _GROUPED[decimal].fullmatch(text):
         text = text.replace(_OTHER_SIGN[decimal], "")
     if decimal == ",":
@@ -234,8 +262,8 @@ def find_number(text: str, decimal: str) -> float:
 
 def find_moment(cell: Any, form: str | None = None) -> _Moment | None:
     """Return a moment, or a time of day of the day 0; None: the cell is none."""
-    if isinstance(cell, timedelta):
-        return 0, cell.total_seconds(), False
+    if isinstance(cell, timedelta | np.timedelta64):
+        return 0, float(np.timedelta64(cell) / np.timedelta64(1, "s")), False
     text = cell.isoformat() if isinstance(cell, date | clock) else str(cell).strip()
     if form and isinstance(cell, str):
         try:
@@ -319,6 +347,10 @@ def read_table(
     read = next((r for begin, r in _READERS.items() if content.startswith(begin)), None)
     if content.startswith(b"PK"):
         read = _read_excel if b"xl/workbook" in content else _read_npz
+        if read is _read_npz and b"PK\5\6" in content and b".npy" not in content:
+            raise UsageError(
+                f"{place}: is an archive: unpack it, or save the table as .xlsx or CSV"
+            )
     if read is None and path.suffix == ".mat":
         read = _read_mat  # of version 4: begins with numbers
     if read is None:
@@ -338,7 +370,8 @@ def read_table(
 
 def from_frame(frame: Any, place: str) -> Table:
     """Return the table that a DataFrame is; its index counts if it has a name."""
-    frame = frame.reset_index() if any(frame.index.names) else frame
+    is_named = any(frame.index.names) and not {*frame.index.names} & {*frame.columns}
+    frame = frame.reset_index() if is_named else frame
     frame = frame.astype(object).where(frame.notna(), None)
     names = [str(name) for name in frame.columns]
     lines = range(1, len(frame) + 1)
@@ -370,6 +403,7 @@ def _read_text(
             comments.append((number, line.strip().strip('"').lstrip("".join(_COMMENTS))))
         else:
             lines.append((number, line))
+    lines = _leave_labview(place, lines)
     separator, decimal = _find_separator(lines, stated, form.get("decimal"))
     if not separator and not is_list:
         state = "; state the delimiter by --csv 'sep=;'" if can_state else ""
@@ -387,21 +421,33 @@ def _read_text(
     return table
 
 
+def _leave_labview(place: str, lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
+    """Return the lines of a table without the headers of a LabVIEW file (LVM) and its comments."""
+    ends = [i for i, (_, line) in enumerate(lines, 1) if line.startswith("***End_of_Header***")]
+    if not ends or ends[-1] == len(lines):
+        return lines
+    if len(ends) > 2:
+        raise UsageError(f"{place}: has {len(ends) - 1} segments of LabVIEW: write each to a file")
+    (number, names), *rows = lines[ends[-1] :]
+    return [(number, names.rstrip().removesuffix("Comment") + "\n"), *rows]
+
+
 def _check_decimal(table: Table, *, can_state: bool) -> None:
     """Refuse a column whose sign may mean thousands where no other cell says what it means.
 
     A decimal point is beyond doubt but between semicolons, which belong to decimal commas.
     """
-    decimal = table.form["decimal"]
-    is_known = (decimal == "." and table.form["sep"] != ";") or any(
+    decimal = table.form.get("decimal", ".")
+    is_known = (decimal == "." and table.form.get("sep") != ";") or any(
         decimal in cell
         and not _AMBIGUOUS.fullmatch(cell.strip())
         and math.isfinite(find_number(cell, decimal))
         for column in table.columns
-        for cell in column.cells
+        for cell in filter(_is_text, column.cells)
     )
     for column in table.columns:
-        signed = [i for i, cell in enumerate(column.cells) if "," in cell or "." in cell]
+        cells = enumerate(column.cells)
+        signed = [i for i, cell in cells if _is_text(cell) and ("," in cell or "." in cell)]
         found = [_AMBIGUOUS.fullmatch(column.cells[i].strip()) for i in signed]
         signs = {each[1] for each in found if each}
         if not found or not all(found) or (is_known and signs == {decimal}):
@@ -419,7 +465,8 @@ def _decode(content: bytes, place: str, stated: str | None, *, can_state: bool) 
     """Return a text and its encoding."""
     is_wide = content[:2] in (b"\xff\xfe", b"\xfe\xff")
     guesses = ["utf-16"] if is_wide else ["utf-8-sig", "cp1252"]
-    if not is_wide and 4 * content[:1000].count(0) > len(content[:1000]):
+    head = content[:1000].rstrip(b"\0")
+    if not is_wide and 4 * head.count(0) > len(head):
         guesses = ["utf-16-be" if content[0] == 0 else "utf-16-le"]
     for encoding in [stated] if stated else guesses:
         try:
@@ -428,8 +475,13 @@ def _decode(content: bytes, place: str, stated: str | None, *, can_state: bool) 
             raise UsageError(f"--csv 'encoding={stated}': there is no such encoding") from None
         except UnicodeDecodeError:
             continue
-        if not re.search(r"[\0-\x08\x0e-\x1f]", text):
+        text = text.lstrip("\ufeff").rstrip("\0\x1a")  # marks again; ends of logs and of DOS files
+        found = re.findall(r"[\0-\x08\x0e-\x1f]", text)
+        if not found:
             return text, encoding.removesuffix("-sig")
+        if 100 * len(found) < len(text):
+            number = text.partition(found[0])[0].count("\n") + 1
+            raise UsageError(f"{place}: line {number} has the character {found[0]!r}: remove it")
     state = "state another encoding by --csv 'encoding=NAME'" if can_state else "save it as UTF-8"
     raise UsageError(
         f"{place}: is no table: neither text in {stated or 'UTF-8 or Windows-1252'} nor"
@@ -531,16 +583,19 @@ def _from_rows(
         width -= 1  # rows end with a delimiter
     rows = [(n, c[:width] if all(map(is_missing, c[width:])) else c) for n, c in rows]
     head, of_units, first = _find_heads(place, line, rows, width, form, is_list=is_list)
-    if head is not None:
-        form["header"], names = rows[head]
-    else:
-        last = rows[first][0] if first < len(rows) else math.inf
-        above = [cells for n, cells in comments if n < last and len(cells) == width]
-        form["header"] = "a comment" if above else "none: columns are 1, 2, ..."
-        names = above[-1] if above else [str(i) for i in range(1, width + 1)]
+    last = rows[first][0] if first < len(rows) else math.inf
+    above = [row for row in comments if row[0] < last and len(row[1]) == width]
+    name_line = rows[head][0] if head is not None else above[0][0] if above else 0
     units: list[Any] | None = None
     if of_units is not None:
         form["units"], units = rows[of_units]
+    elif above and above[-1][0] > name_line and _are_units(above[-1][1]):  # below the names
+        form["units"], units = above.pop()
+    if head is not None:
+        form["header"], names = rows[head]
+    else:
+        form["header"] = "a comment" if above else "none: columns are 1, 2, ..."
+        names = above[-1][1] if above else [str(i) for i in range(1, width + 1)]
     for number, cells in rows[first:]:
         if len(cells) != len(names):
             divided = f"; '{form['sep']}' divides the columns" if "sep" in form else ""
@@ -549,7 +604,8 @@ def _from_rows(
                 f" header{divided}"
             )
     if first >= len(rows):
-        raise UsageError(f"{place}: has no rows of values below its header")
+        sign = " with a decimal comma" if form.get("decimal") == "," else ""
+        raise UsageError(f"{place}: has no rows of values{sign} below its header")
     lines = [number for number, _ in rows[first:]]
     columns = []
     for i, name in enumerate(names):
@@ -577,9 +633,7 @@ def _find_heads(
         return len(cells) == width and 2 * count_values(cells) > filled
 
     def has_units(index: int) -> bool:
-        texts = [c for c in rows[index][1] if not is_missing(c)] if index < len(rows) else []
-        are_units = all(isinstance(c, str) and is_unit(_strip(c)) for c in texts)
-        return are_units and not all(_is_value(c, ".") for c in texts)
+        return index < len(rows) and _are_units(rows[index][1])
 
     def find_stated(key: str) -> int | None:
         if key not in form:
@@ -605,6 +659,12 @@ def _find_heads(
     return head, of_units, first
 
 
+def _are_units(cells: list[Any]) -> bool:
+    texts = [cell for cell in cells if not is_missing(cell)]
+    are_units = all(isinstance(cell, str) and is_unit(_strip(cell)) for cell in texts)
+    return are_units and not all(_is_value(cell, ".") for cell in texts)
+
+
 def _strip(unit: str) -> str:
     return unit.strip().strip("[]()")
 
@@ -615,8 +675,10 @@ def _make_column(
     """Return a column; its heading may have unit and accuracy, ``gap [mm] +-0.5``."""
     heading = " ".join(heading.split())
     found = _HEADING.fullmatch(heading) if unit is None else None
+    if found and found["comma"] and not is_unit(found["comma"]):
+        found = None
     if found and found["name"] and not re.search(r"\S\[\d+\]\s*$", heading):
-        unit = next(u for u in (found["square"], found["round"], found["slash"]) if u is not None)
+        unit = next(found[kind] for kind in _STATED if found[kind] is not None)
         return Column(heading, found["name"], unit.strip(), found["accuracy"], cells, lines)
     return Column(heading, heading, unit, None, cells, lines)
 
@@ -625,16 +687,33 @@ def _read_excel(path: Path, place: str, form: Mapping[str, str], is_list: bool) 
     """Read a sheet of an Excel file."""
     openpyxl = import_optional("openpyxl")
     book = openpyxl.load_workbook(io.BytesIO(path.read_bytes()), read_only=True, data_only=True)
-    sheet = form.get("sheet", book.sheetnames[0])
-    if sheet not in book.sheetnames:
-        near = did_you_mean(sheet, book.sheetnames)
-        raise UsageError(f"{place}: has no sheet '{sheet}'{near}: has {', '.join(book.sheetnames)}")
+    sheets = [each.title for each in book.worksheets]  # the others are charts
+    sheet = form.get("sheet", sheets[0])
+    if sheet not in sheets:
+        near = did_you_mean(sheet, sheets)
+        raise UsageError(f"{place}: has no sheet '{sheet}'{near}: has {', '.join(sheets)}")
     rows = [(i, list(cells)) for i, cells in enumerate(book[sheet].values, 1)]
     rows = [(i, cells) for i, cells in rows if not all(map(is_missing, cells))]
     leave_out = dropwhile if is_list else filterfalse
     rows = list(leave_out(lambda row: str(row[1][0] or "").startswith(_COMMENTS), rows))
+    texts = [cell for _, cells in rows for cell in filter(_is_text, cells)]
+    numbers = [sum(math.isfinite(find_number(text, sign)) for text in texts) for sign in ".,"]
     found = {"kind": "Excel", "sheet": sheet}
-    return _from_rows(place, "row", rows, [], {**found, **form}, is_list=is_list)
+    found |= {"decimal": ","} if numbers[1] > numbers[0] else {}
+    try:
+        table = _from_rows(place, "row", rows, [], {**found, **form}, is_list=is_list)
+    except UsageError as error:
+        if len(sheets) == 1 or "sheet" in form:
+            raise
+        state = "put it first" if is_list else f"--csv 'sheet={sheets[1]}'"
+        raise UsageError(f"{error}; is it on another sheet than '{sheet}'? then {state}") from None
+    if "decimal" not in form:
+        _check_decimal(table, can_state=not is_list)
+    return table
+
+
+def _is_text(cell: Any) -> bool:
+    return isinstance(cell, str)
 
 
 # -------------------------------------------------------------------------- columns by name
@@ -643,6 +722,11 @@ def _read_excel(path: Path, place: str, form: Mapping[str, str], is_list: bool) 
 def _from_arrays(place: str, kind: str, arrays: Iterable[tuple[str, Any, str | None]]) -> Table:
     """Return the table of arrays by name: what is none of numbers or texts in a row is left out."""
     columns = []
+    arrays = [
+        (f"{name}.{each}" if each else name, values[each] if each else values, unit)
+        for name, values, unit in arrays
+        for each in getattr(getattr(values, "dtype", None), "names", None) or [""]
+    ]
     named = {name: values for name, values, _ in arrays}
     if {"names", "units", "values"} <= named.keys():  # of `dockloop run`
         names, units = _list_texts(named["names"]), _list_texts(named["units"])
@@ -650,8 +734,8 @@ def _from_arrays(place: str, kind: str, arrays: Iterable[tuple[str, Any, str | N
     for name, values, unit in arrays:
         array = np.asarray(values)
         array = np.squeeze(array) if array.ndim > 1 else array
-        if array.ndim == 1 and len(array) and array.dtype.kind in "biufUSOM":
-            is_text = array.dtype.kind in "USOM"
+        if array.ndim == 1 and len(array) and array.dtype.kind in "biufUSOMm":
+            is_text = array.dtype.kind in "USOMm"
             cells: Any = [_to_text(cell) for cell in array] if is_text else array
             columns.append(_make_column(name, cells, range(1, len(array) + 1), unit))
         elif array.ndim == 2 and array.dtype.kind in "biuf":
@@ -688,8 +772,9 @@ def _read_parquet(path: Path, place: str, form: Mapping[str, str], is_list: bool
     columns = []
     for entry, column in zip(table.schema, table.columns, strict=True):
         unit = {**(entry.metadata or {})}.get(b"unit")
-        is_plain = types.is_floating(entry.type) or types.is_integer(entry.type)
-        if types.is_temporal(entry.type):
+        kinds = (types.is_floating, types.is_integer, types.is_duration)
+        is_plain = any(is_kind(entry.type) for is_kind in kinds)
+        if types.is_temporal(entry.type) and not is_plain:
             column = column.cast("string")  # noqa: PLW2901
         cells = column.to_numpy() if is_plain and not is_list else column.to_pylist()
         lines, text = range(1, len(column) + 1), None if unit is None else unit.decode()
@@ -698,18 +783,25 @@ def _read_parquet(path: Path, place: str, form: Mapping[str, str], is_list: bool
 
 
 def _read_hdf5(path: Path, place: str, form: Mapping[str, str], is_list: bool) -> Table:
-    """Read the data sets of an HDF5 file; an attribute ``unit`` or ``units`` may have the unit."""
+    """Read the data sets of an HDF5 file.
+
+    An attribute ``unit`` or ``units`` may have the unit; those of netCDF say what is stored.
+    """
     arrays = []
 
     def visit(name: str, node: Any) -> None:
-        if hasattr(node, "shape"):
-            unit = node.attrs.get("unit", node.attrs.get("units"))
-            unit = unit.decode() if isinstance(unit, bytes) else unit
-            fields = node.dtype.names
-            for each in fields or [""]:
-                values = node[each] if fields else node[()]
-                full = "/".join(part for part in (name, each) if part)
-                arrays.append((full.replace("/", "."), values, None if unit is None else str(unit)))
+        if hasattr(node, "shape") and node.shape is not None:
+            each = ((key.lower(), np.ravel(value)) for key, value in node.attrs.items())
+            said = {key: value[0] for key, value in each if len(value)}
+            unit = said.get("unit", said.get("units", said.get("unit_string")))
+            values, blanks = node[()], [said[key] for key in _BLANKS if key in said]
+            if node.dtype.kind in "iuf" and (
+                blanks or {"scale_factor", "add_offset"} & said.keys()
+            ):
+                real = values * said.get("scale_factor", 1.0) + said.get("add_offset", 0.0)
+                values = np.where(np.isin(values, blanks), np.nan, real)
+            text = None if unit is None else str(_to_text(unit))
+            arrays.append((name.replace("/", "."), values, text))
 
     with import_optional("h5py").File(path, "r") as file:
         file.visititems(visit)

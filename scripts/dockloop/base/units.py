@@ -10,6 +10,7 @@ from functools import cache
 from typing import Any
 
 _ALLOWED = re.compile(r"[\w°%*/^ ()-]{1,40}")
+_OTHER_LETTERS = str.maketrans("\u00ba\u2212\u207b\u00b9\u00b2\u00b3", "°--123")
 _RAISED = re.compile(r"[\d)]\s*(\*\*|\^)")  # a number that is raised has no end
 
 
@@ -23,11 +24,16 @@ def _make_registry() -> Any:
 @cache
 def _find_size(text: str) -> tuple[float, Any] | None:
     """Return the size of a unit in SI units, radians among them, and these; None: no unit."""
-    text = re.sub(r"\b([kMm]?N)m(s?)\b", r"\1 m \2", text.strip()).strip()  # no number of yarn
+    text = text.strip().rstrip(".").translate(_OTHER_LETTERS)
+    text = re.sub(
+        r"\b((?:[kMm]|da)?N)([cm]?m)(s?)\b", r"\1 \2 \3", text
+    ).strip()  # no number of yarn
+    text = re.sub(r"\brev\b", "turn", text)
     text = re.sub(r"(?<=\w)\s*[.·⋅∙-]\s*(?=[^\W\d])", "*", text)  # N.m, ft-lbf
     text = re.sub(r"(?<=[^\W\d_])\^?(-?\d)", r"**\1", text)  # m2, s-1
     text = "dimensionless" if text in ("", "-", "1") else text
-    if not _ALLOWED.fullmatch(text) or _RAISED.search(text):
+    is_open = re.search(r"\btons?\b", text)  # of 1000 kg, or of 2000 lb
+    if is_open or not _ALLOWED.fullmatch(text) or _RAISED.search(text):
         return None
     registry = _make_registry()
     try:
@@ -51,7 +57,7 @@ def find_factor(unit: str, expected: str) -> float | None:
             size is that in SI units.
     """
     found, own = _find_size(unit), _find_size(expected)
-    if unit == "g" and own == _find_size("m/s2"):
+    if unit in ("g", "G", "gn", "g0") and own == _find_size("m/s2"):
         found = _find_size("standard_gravity")
     if found is None or own is None:
         return None

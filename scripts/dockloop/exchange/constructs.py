@@ -88,7 +88,7 @@ URDF = {
     "joint[prismatic]": Row(MAPPED, "a slide"),
     "joint[floating]": Row(MAPPED, "a free joint"),
     "joint[planar]": Row(MAPPED, "two slides and a turn"),
-    "joint/limit": Row(GUESSED, f"{_STOP} with a stiffness of ours"),
+    "joint/limit": Row(GUESSED, f"{_STOP} with a stiffness of ours, but for a continuous joint"),
     "joint/limit/@effort": Row(LEFT_OUT, _EFFORT),
     "joint/limit/@velocity": Row(LEFT_OUT, _EFFORT),
     "joint/dynamics/@damping": Row(MAPPED, "law 'damper'"),

@@ -17,6 +17,7 @@ STOPS = {"prismatic": (1e6, 1e-3), "revolute": (1e4, 1e-2)}
 _FAR = 1e6  # m or rad: where a stop is put that the file does not have
 _PARALLEL = 1e-4  # rad: axes of a planar loop, as rounded in a file
 _LONG = 50.0  # m: a mechanism that is larger was hardly described in metres
+_TURNED = 20.0  # rad: a limit that is farther was hardly described in radians
 
 
 @dataclass
@@ -230,8 +231,10 @@ def _write_coupling(robot: Robot, coupling: Any, joints: dict[str, str]) -> dict
     for name in (coupling.dependent, *(term for term, _ in coupling.terms)):
         if name not in known:
             near = did_you_mean(name, known)
+            is_there = any(joint.name == name for joint in robot.joints)
+            what = "has no coordinate of its own" if is_there else f"is not there{near}"
             raise UsageError(
-                f"{robot.report.file}: '{coupling.name}' couples '{name}', which is not there{near}"
+                f"{robot.report.file}: '{coupling.name}' couples '{name}', which {what}"
             )
         if name not in joints:
             raise UsageError(
@@ -389,6 +392,10 @@ def _write_laws(robot: Robot, dof: Dof) -> list[dict[str, Any]]:
             what = f"stops of '{dof.name}' have {stiffness:g} {unit}: the file has no stiffness"
             robot.report.say(GUESSED, what)
         ends = [max(law.lower, -_FAR), min(law.upper, _FAR)]
+        far = max((abs(end) for end in ends if abs(end) < _FAR), default=0.0)
+        if dof.kind == "revolute" and far > _TURNED:
+            what = f"limits are radians, although '{dof.name}' turns up to {far:g}: degrees?"
+            robot.report.say(GUESSED, what)
         laws.append(
             {
                 "type": "stop",

@@ -119,7 +119,18 @@ def _read(path: Path) -> Robot:
         raise UsageError(f"{file}: has the root element <{root.tag}>: an import reads {known}")
     if root.tag == "mujoco":
         return read_mjcf(file, path)
+    _check_expanded(file, root)
     return (read_sdf if root.tag == "sdf" else read_urdf)(file, root)
+
+
+def _check_expanded(file: str, root: ElementTree.Element) -> None:
+    """Refuse a file whose macros and properties only another program expands."""
+    for element in root.iter():
+        values = (f'{key}="{v}"' for key, v in element.items() if "${" in v or "$(" in v)
+        is_macro = "xacro" in element.tag or "xacro" in element.tag.partition("}")[0]
+        found = f"<{element.tag.rpartition('}')[2]}>" if is_macro else next(values, "")
+        if found:
+            raise UsageError(f"{file}: has {found}: expand it with 'xacro FILE' first")
 
 
 def to_text(document: dict[str, Any]) -> str:

@@ -1,5 +1,6 @@
 """Reads MJCF through MuJoCo, which resolves includes, defaults, units and inertia of shapes."""
 
+import warnings
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -8,7 +9,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from dockloop.base.errors import DockloopError, UsageError
-from dockloop.exchange.constructs import LEFT_OUT, MAPPED, MJCF
+from dockloop.exchange.constructs import GUESSED, LEFT_OUT, MAPPED, MJCF
 from dockloop.exchange.robot import (
     WORLD,
     Coupling,
@@ -36,13 +37,18 @@ def read_mjcf(file: str, path: Path) -> Robot:
         need = "MJCF is read by MuJoCo, which is not installed: pip install 'dockloop[import]'"
         raise DockloopError(f"{file}: {need}") from None
     try:
-        spec = mujoco.MjSpec.from_file(str(path))
-        m = spec.compile()
-        resolved = ElementTree.fromstring(spec.to_xml())
+        with warnings.catch_warnings(record=True) as warned:
+            warnings.simplefilter("always")
+            spec = mujoco.MjSpec.from_file(str(path))
+            m = spec.compile()
+            resolved = ElementTree.fromstring(spec.to_xml())
     except ValueError as error:
         first = " ".join(str(error).split())
-        raise UsageError(f"{file}: MuJoCo does not accept it: {first}") from None
+        more = ": put it there, or leave out what is drawn only" if "opening" in first else ""
+        raise UsageError(f"{file}: MuJoCo does not accept it: {first}{more}") from None
     robot = Robot(spec.modelname or path.stem, Report(file, MJCF), gravity=np.array(m.opt.gravity))
+    for warning in warned:
+        robot.report.say(GUESSED, f"MuJoCo: {' '.join(str(warning.message).split())}")
     _meet_all(robot.report, resolved)
     _switch_off(mujoco, m, robot)
     data = mujoco.MjData(m)
@@ -73,10 +79,12 @@ def _meet_all(report: Report, root: Element) -> None:
             if child.tag in ("joint", "freejoint") and path == "body/":
                 kind = "free" if child.tag == "freejoint" else child.get("type", "hinge")
                 report.meet(f"joint[{kind}]")
+            elif child.tag == "frame":  # resolved by MuJoCo
+                visit(child, path)
             elif child.tag not in ("compiler", "default"):
                 report.meet(tag, child.get("name", ""))
                 if find_row(MJCF, tag)[1].what != LEFT_OUT:
-                    visit(child, "" if child.tag == "worldbody" else f"{tag}/")
+                    visit(child, "body/" if child.tag == "worldbody" else f"{tag}/")
 
     visit(root, "")
 
@@ -112,13 +120,13 @@ def _read_joint(m: Any, data: Any, body: int, names: list[str], report: Report) 
     for j in range(first, first + count):
         name = m.joint(j).name or (f"{child}_joint" + (f"{j - first + 1}" if count > 1 else ""))
         kind, point = m.jnt_type[j], data.xanchor[j].copy()
-        if kind == _FREE:
-            return Joint(name, "free", parent, child, point)
         law = _read_law(m, j, name, report)
+        if kind == _FREE:
+            report.say_lost(name, "free", law)
+            return Joint(name, "free", parent, child, point)
         if kind == _BALL:
             dofs += make_ball(name, point, data.xmat[body].reshape(3, 3))
-            if not law.is_empty():
-                report.say(LEFT_OUT, f"forces of the ball joint '{name}': its turns are no vector")
+            report.say_lost(name, "ball", law)
             continue
         axis = data.xaxis[j].copy()
         dofs.append(Dof(name, "prismatic" if kind == _SLIDE else "revolute", axis, point, law))

@@ -124,6 +124,12 @@ class Report:
         if path in self.table:
             self.meet(path)
 
+    def say_lost(self, name: str, kind: str, law: Law) -> None:
+        """Say that a joint whose coordinates carry no laws has some in the file."""
+        if not law.is_empty():
+            what = "limits" if kind == "continuous" else "forces and limits"
+            self.say(LEFT_OUT, f"{what} of '{name}': a {kind} joint has none here")
+
     def say(self, what: str, text: str) -> None:
         """Add a line about a single part."""
         line = f"{what}: {text}"
@@ -262,13 +268,12 @@ class Node:
         """Return a number in an element below."""
         return float(self.numbers(self.text(path, repr(default)), path, 1)[0])
 
-    def end(self, path: str, default: float) -> float:
-        """Return a number in an element below, or an infinity."""
-        text = self.text(path, "")
+    def end(self, text: str, what: str, default: float) -> float:
+        """Return the limit that a text is: a number or an infinity; empty: the default."""
         infinite = _INFINITE.fullmatch(text)
         if infinite:
             return -np.inf if infinite[1] == "-" else np.inf
-        return float(self.numbers(text, path, 1)[0]) if text else default
+        return float(self.numbers(text, what, 1)[0]) if text else default
 
     def check_limits(self, lower: float, upper: float) -> None:
         """Raise UsageError: limits that leave no motion."""

@@ -2,13 +2,13 @@
 
 from collections.abc import Callable
 from functools import cache
-from xml.etree.ElementTree import Element
+from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
 from dockloop.base.errors import UsageError
 from dockloop.base.rotations import make_symmetric
-from dockloop.exchange.constructs import GUESSED, SDF, SDF_PARTS, SIX
+from dockloop.exchange.constructs import GUESSED, LEFT_OUT, MAPPED, SDF, SDF_PARTS, SIX
 from dockloop.exchange.robot import (
     WORLD,
     Coupling,
@@ -37,9 +37,11 @@ def read_sdf(file: str, root: Element) -> Robot:
     models = root.findall("model") + root.findall("world/model")
     if len(models) != 1:
         raise UsageError(f"{file}: has {len(models)} models: an import needs one")
+    _renew(root)
     model = Node(file, models[0])
     robot = Robot(model.name(), Report(file, SDF, SDF_PARTS))
     meet_all(robot.report, models[0])
+    _read_world(root, model, robot)
     place = _find_frames(model)
     for node in model.all("link"):
         robot.add_link(_read_link(node, place, robot.report))
@@ -56,6 +58,32 @@ def read_sdf(file: str, root: Element) -> Robot:
         if node.attribute("type") == "gearbox":
             robot.couplings.append(_read_gearbox(node, robot))
     return robot
+
+
+def _renew(root: Element) -> None:
+    """Write what earlier versions meant by the same words as a version of today has it."""
+    version = [int(part) for part in root.get("version", "").split(".") if part.isdecimal()]
+    axes = [*root.iter("axis"), *root.iter("axis2")] if version and version < [1, 5] else []
+    for axis in axes:
+        if axis.find("use_parent_model_frame") is None:
+            SubElement(axis, "use_parent_model_frame").text = "true"
+    for pose in root.iter("pose"):
+        if frame := pose.attrib.pop("frame", ""):  # of before 1.7
+            pose.set("relative_to", frame)
+
+
+def _read_world(root: Element, model: Node, robot: Robot) -> None:
+    """Take gravity from the world around a model, and say what else is there."""
+    world = Node(robot.report.file, root).find("world")
+    if world is None:
+        return
+    if world.find("gravity"):
+        pose = model.find("pose")
+        turn = _read_pose(pose)[0] if pose else np.eye(3)
+        robot.gravity = turn.T @ world.numbers(world.text("gravity"), "gravity", 3)
+        robot.report.say(MAPPED, "world/gravity: gravity of the mechanism")
+    if others := sorted({child.tag for child in world.element} - {"model", "gravity"}):
+        robot.report.say(LEFT_OUT, f"of the world: {', '.join(others)}; its model is read only")
 
 
 def _find_frames(model: Node) -> Callable[[str], Pose]:
@@ -111,6 +139,11 @@ def _read_link(node: Node, place: Callable, report: Report) -> Link:
     rotation, origin = place(node.name())
     link = Link(node.name(), rotation, origin)
     inertial = node.find("inertial")
+    if inertial and inertial.element.get("auto") in ("true", "1"):
+        raise inertial.fail(
+            "has auto='true', numbers from shapes: expand it with"
+            " 'gz sdf --expand-auto-inertials -p FILE' first"
+        )
     if inertial is None or inertial.find("mass") is None or inertial.find("inertia") is None:
         what = f"link '{link.name}' states no mass or inertia: 1 kg and 1 kg m2, as the format says"
         report.say(GUESSED, what)
@@ -132,6 +165,8 @@ def _read_joint(node: Node, kind: str, robot: Robot, place: Callable) -> Joint:
     joint = Joint(name, kind, node.text("parent"), node.text("child"), point)
     if kind == "ball":
         joint.dofs = make_ball(name, point, rotation)
+        if axis := node.find("axis"):
+            robot.report.say_lost(name, kind, _read_law(axis))
         return joint
     for i, tag in enumerate(("axis", "axis2")[: _AXES[kind]], 1):
         axis = node.find(tag) or Node(node.file, Element(tag), node.place)
@@ -146,7 +181,9 @@ def _read_joint(node: Node, kind: str, robot: Robot, place: Callable) -> Joint:
         dof.law = _read_law(axis)
         joint.dofs.append(dof)
     if kind == "continuous":
-        joint.dofs[0].law.lower, joint.dofs[0].law.upper = -np.inf, np.inf
+        law = joint.dofs[0].law
+        robot.report.say_lost(name, kind, Law(law.lower, law.upper))
+        law.lower, law.upper = -np.inf, np.inf
     if kind == "screw":
         slide = Dof(f"{name}_slide", "prismatic", joint.dofs[0].axis, point)
         joint.dofs.append(slide)
@@ -155,7 +192,10 @@ def _read_joint(node: Node, kind: str, robot: Robot, place: Callable) -> Joint:
 
 def _read_law(axis: Node) -> Law:
     value = axis.value
-    lower, upper = axis.end("limit/lower", -np.inf), axis.end("limit/upper", np.inf)
+    lower, upper = (
+        axis.end(axis.text(path, ""), path, end)
+        for path, end in (("limit/lower", -np.inf), ("limit/upper", np.inf))
+    )
     axis.check_limits(lower, upper)
     stiffness = value("limit/stiffness", 0.0)
     return Law(

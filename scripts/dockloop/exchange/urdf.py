@@ -108,6 +108,9 @@ def _read_joint(node: Node, robot: Robot) -> Joint:
     child = robot.links[_end(node, "child")]
     point = child.origin
     joint = Joint(name, (_KINDS | _OTHERS)[kind], _end(node, "parent"), child.name, point)
+    law = _read_law(node, kind)
+    if kind not in _KINDS:
+        robot.report.say_lost(name, kind, law if kind != "fixed" else Law())
     if kind in ("fixed", "floating"):
         return joint
     given = node.find("axis")
@@ -119,16 +122,26 @@ def _read_joint(node: Node, robot: Robot) -> Joint:
         dofs = [Dof(f"{name}_{i}", k, a, point) for i, (a, k) in enumerate(axes, 1)]
         joint.dofs = dofs
         return joint
-    law = Law()
-    if dynamics := node.find("dynamics"):
-        law.damping, law.friction = (
-            dynamics.number("damping", 0.0),
-            dynamics.number("friction", 0.0),
-        )
-    if (limit := node.find("limit")) and kind != "continuous":
-        law.lower, law.upper = limit.number("lower", 0.0), limit.number("upper", 0.0)
-        limit.check_limits(law.lower, law.upper)
-    if kind != "continuous" and limit is None:
+    if kind == "continuous":
+        robot.report.say_lost(name, kind, Law(law.lower, law.upper))
+        law.lower, law.upper = -np.inf, np.inf
+    elif node.find("limit") is None:
         robot.report.say(GUESSED, f"joint '{name}' states no limit: it has no stops")
     joint.dofs = [Dof(name, _KINDS[kind], axis, point, law)]
     return joint
+
+
+def _read_law(node: Node, kind: str) -> Law:
+    """Return forces and limits of a joint; a slide or turn without ends has both at 0."""
+    law = Law()
+    if dynamics := node.find("dynamics"):
+        law.damping = dynamics.number("damping", 0.0)
+        law.friction = dynamics.number("friction", 0.0)
+    if limit := node.find("limit"):
+        is_ended = kind in ("revolute", "prismatic")
+        end = 0.0 if is_ended else np.inf
+        law.lower = limit.end(limit.element.get("lower", ""), "lower", 0.0 - end)
+        law.upper = limit.end(limit.element.get("upper", ""), "upper", end)
+        if is_ended:
+            limit.check_limits(law.lower, law.upper)
+    return law

@@ -33,10 +33,13 @@ def read_ssv(path: Path, fmu: Path) -> list[str]:
     place, variables = shown(path), Description(fmu).variables
     if root.tag != f"{SSV}ParameterSet":
         raise UsageError(f"{place}: must be an SSV file, begins with <{root.tag}>")
-    return [
-        _read(place, parameter.get("name", ""), parameter, variables)
-        for parameter in root.iter(f"{SSV}Parameter")
-    ]
+    parameters = [(node.get("name", ""), node) for node in root.iter(f"{SSV}Parameter")]
+    names = [name for name, _ in parameters]
+    twice = next((name for i, name in enumerate(names) if name in names[:i]), None)
+    if twice is not None or not names:
+        wrong = f"has no parameters of {SSV[1:-1]}" if twice is None else f"has '{twice}' twice"
+        raise UsageError(f"{place}: {wrong}")
+    return [_read(place, name, parameter, variables) for name, parameter in parameters]
 
 
 def _read(place: str, name: str, parameter: ET.Element, variables: dict[str, ET.Element]) -> str:

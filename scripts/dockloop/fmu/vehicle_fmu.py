@@ -233,13 +233,14 @@ def read_row(place: str, member: str, row: Any) -> list[str]:
     """Return the names that a row of a map means. Raises UsageError; `place` names the row."""
     count = COUNTS[member]
     if isinstance(row, str):
-        row = _count(row, count) if "*" in row or count > 1 else [row]
+        row = _count(row, count) if "*" in row else [row]
     if not isinstance(row, list) or not all(isinstance(name, str) for name in row):
         raise UsageError(f"{place} is {row!r}: must be a name with *, or a list of names")
-    if len(row) != count or len(set(row)) != count:
-        raise UsageError(
-            f"{place} has {len(set(row))} names: must have {count}, or one name with *"
-        )
+    twice = [name for i, name in enumerate(row) if name in row[:i]]
+    if twice:
+        raise UsageError(f"{place} has '{twice[0]}' twice")
+    if len(row) != count:
+        raise UsageError(f"{place} has {len(row)} names: must have {count}, or one name with *")
     return row
 
 

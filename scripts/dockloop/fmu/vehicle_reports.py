@@ -134,10 +134,13 @@ def read_log(path: Path, names: Path | None = None) -> ReportLog:
     """
     table = read_table(path)
     headings = [column.heading for column in table.columns]
-    if "units" in table.form:
+    own = (c for c in table.columns if c.name.partition(".")[0] in ("time", *VEHICLES))
+    stated = next((c.heading for c in own if c.unit and names is None), None)
+    if "units" in table.form or stated:
+        where = f"line {table.form['units']}" if "units" in table.form else f"'{stated}'"
         raise UsageError(
-            f"{table.place}: line {table.form['units']} has units: leave it out, and write numbers"
-            " in the units of the docking FMU"
+            f"{table.place}: {where} has units: leave them out, and write numbers in the units of"
+            " the docking FMU"
         )
     if "time" not in headings:
         near = did_you_mean("time", headings)

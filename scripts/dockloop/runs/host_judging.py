@@ -249,6 +249,16 @@ def _judge(
         )
     elif found.cause == "none" and sentence:
         found.cause = "refused step"
+        if wrong and wrong[0].name.startswith("first"):  # which is why
+            found.cause, found.value = (
+                wrong[0].name.partition(" and")[0],
+                float(wrong[0].value or 0),
+            )
+            found.sentence = (
+                f"{wrong[0].vehicle}: {found.cause} differs from the start value by"
+                f" {found.value:.3g} {wrong[0].unit}: report the start value in the first step, or"
+                f" set it; then {sentence}"
+            )
     elif found.cause == "none" and wrong:
         found.cause, found.value = "unexplained", float(wrong[0].value or 0.0)
         found.sentence = (

@@ -82,8 +82,6 @@ def read_mechanism(path: Path) -> dict:
         document = get_mechanism(document)
     if not isinstance(document, dict):
         raise UsageError(f"{shown(path)}: is no mechanism, but {type(document).__name__}")
-    if isinstance(document.get("latches"), list):  # short for a list of single latches
-        document["latches"] = {"list": document["latches"]}
     open_lists(document)
     return document
 
@@ -110,6 +108,8 @@ class _Repeated(dict):
 
 def parse_json(text: str) -> Any:
     """Parse JSON. Raises ValueError, also where an object has a key twice."""
+    if text.lstrip().startswith("<"):
+        raise ValueError("but XML: 'dockloop import' reads MJCF, URDF and SDF")
     repeated: list[_Repeated] = []
 
     def make_object(pairs: list[tuple[str, Any]]) -> dict:

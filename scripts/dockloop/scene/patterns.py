@@ -82,7 +82,12 @@ def _find_turn(degrees: float) -> tuple[float, float]:
 
 
 def open_lists(mechanism: dict) -> None:
-    """Add the lists that only patterns fill, before a schema asks for them."""
+    """Add the lists that only patterns fill, before a schema asks for them.
+
+    A list of single latches is short for a group with this list.
+    """
+    if isinstance(mechanism.get("latches"), list):
+        mechanism["latches"] = {"list": mechanism["latches"]}
     patterns = mechanism.get("patterns")
     for pattern in patterns if isinstance(patterns, list) else ():
         for part in (name for name in _LISTS if isinstance(pattern, dict) and name in pattern):
@@ -127,7 +132,7 @@ def expand_patterns(mechanism: dict, source: Path) -> None:
 
 def _list_turns(pattern: dict, place: str) -> Iterator[_Turn]:
     """Yield where the copies stand."""
-    count, given = pattern["count"], pattern.get("azimuth_deg", 0.0)
+    count, given = int(pattern["count"]), pattern.get("azimuth_deg", 0.0)
     if isinstance(given, list) and len(given) != count:
         raise UsageError(
             f"{place}.azimuth_deg has {len(given)} numbers: must be one number, of the first copy,"

@@ -18,6 +18,7 @@ from dockloop.base.errors import UsageError, warn_once
 from dockloop.base.histories import (
     Channel,
     Terms,
+    check_once,
     find_channels,
     list_unknown,
     read_data,
@@ -138,12 +139,16 @@ def _read_forces(
         UsageError: naming file, line or column, value, and what is expected.
     """
     found, left_out = find_channels(table, expected, columns, terms)
+    check_once(table, found, terms)
     channels = {channel.name: channel for channel in found}
     for name, unit in expected.items():
         if name not in channels:
+            fits = (c for c in table.columns if c.unit and find_factor(c.unit, unit))
+            column = next(fits, table.columns[-1])
+            meant = name if column.unit else f"{name}:{unit}"
             raise UsageError(
                 f"{table.place}: has no column '{name}': name it, for example"
-                f" {terms.say_map(table.columns[-1].name, f'{name}:{unit}')}"
+                f" {terms.say_map(column.name, meant)}"
             )
     _warn_of_unknown(table.place, list_unknown(left_out, columns), terms)
     values = {name: _read_full(table, channel) for name, channel in channels.items()}
@@ -187,6 +192,13 @@ def read_inputs(entries: Sequence[dict], document: dict, source: Path) -> list[d
         path, form, columns = _take_file(entry, source, place)
         data = read_data(path, ["time", *inputs], units, form, columns, terms)
         _warn_of_unknown(shown(path), data.unknown, terms)
+        stop = document["experiment"]["stop"]
+        if data.time[0] > stop or data.time[-1] < 0.0:
+            span = f"{data.time[0]:.10g} to {data.time[-1]:.10g} s, the run from 0 to {stop:g} s"
+            warn_once(
+                f"{shown(path)}: is from {span}: only one row acts; times are those of the run, or"
+                " dates"
+            )
         for name, values in zip(data.names, data.values.T, strict=True):
             if name in histories:
                 raise UsageError(f"{place}: '{name}' has a table already: leave one of them out")

@@ -224,6 +224,8 @@ def make_sweep(
     if hasattr(table, "columns") or (isinstance(table, str | Path) and str(table)):
         (given, form), text = _write_out(given, path), None
     schema.check(given, "sweep", path)
+    floats = {name: given[name] for name in ("seed", "cases") if isinstance(given.get(name), float)}
+    given = {**given, **{name: int(value) for name, value in floats.items()}}
     if "vary" not in given:
         raise UsageError(
             f"{shown(path)}: lacks the member 'vary', or a table of cases (cases = \"FILE\")"

@@ -32,11 +32,11 @@ def read_scenarios(source: Any, sweep: Path) -> tuple[dict[str, Any], str]:
     else:
         table = read_table(next_to(sweep, source), is_list=True)
     values: dict[str, list[Any]] = {
-        column.name: (_read_names if column.name == NAME else _read_column)(table, column)
-        for column in table.columns
+        name: (_read_names if name == NAME else _read_column)(table, column)
+        for name, column in zip(map(_find_key, table.columns), table.columns, strict=True)
     }
     if len(values) < len(table.columns) or "" in values:
-        heads = [column.name for column in table.columns]
+        heads = [_find_key(column) for column in table.columns]
         twice = next(name for name in heads if not name or heads.count(name) > 1)
         wrong = f"has two columns '{twice}'" if twice else "has a column without a name"
         raise UsageError(f"{table.place}: {wrong}: must have one column for each key")
@@ -61,6 +61,11 @@ def read_scenarios(source: Any, sweep: Path) -> tuple[dict[str, Any], str]:
     units = {column.name: column.unit for column in table.columns if column.unit}
     entry = {"type": "cases", "name": NAME, "cases": cases, "units": units, "file": table.place}
     return entry, say_form(table.form)
+
+
+def _find_key(column: Column) -> str:
+    """Return what a column is: no key differs from `NAME` in capitals only."""
+    return NAME if column.name.lower() == NAME else column.name
 
 
 def _read_names(table: Table, column: Column) -> list[str | None]:

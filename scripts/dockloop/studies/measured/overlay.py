@@ -154,7 +154,8 @@ def _minimise(function: Callable[[float], float], low: float, high: float) -> fl
     """Return the minimum between two bounds, by golden section."""
     a, b = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
     at_a, at_b = function(a), function(b)
-    while high - low > 1e-7:
+    rounding = 4.0 * np.spacing(max(abs(low), abs(high)))  # of seconds since 1970: above 1e-7
+    while high - low > max(1e-7, rounding):
         if at_a < at_b:
             high, b, at_b = b, a, at_a
             a = high - _GOLDEN * (high - low)
