@@ -9,7 +9,8 @@ the numbers to be found are known. What is not known to the fit:
 3. a law of another kind (dry friction in place of a damper) is noticed, noise is not;
 4. filters, offsets, scales, outliers, own values of each test, tests that are held back;
 5. plans expect the deviations that fits then have;
-6. copies of the scene, journals, bad input.
+6. copies of the scene, journals, bad input;
+7. dockings with six legs and impacts: how many runs a fit takes, and what these hide.
 """
 
 import json
@@ -629,3 +630,47 @@ def test_bad_input_is_refused_in_one_sentence(tmp_path, monkeypatch, change, wor
     assert "\n" not in str(error.value)
     for word in words:
         assert word in str(error.value)
+
+
+# ----------------------------------------------------------------------- 7. dockings with legs
+
+LEGS, FRICTION = "mechanism.set.leg_defaults.damping", "friction.coefficient"
+HARDWARE = {LEGS: 1300.0, FRICTION: 0.16}
+DOCKING = {LEGS: (200.0, 3000.0), FRICTION: (0.0, 0.4)}
+SIGMAS = SIGMA | {"relative.lateral": 3e-4}  # m
+
+
+@pytest.fixture(scope="module")
+def docked():
+    return dl.run(
+        "idss_25t_350t", overrides={LEGS: 1300.0}, start_values={FRICTION: 0.16}, stop=6, step=2e-3
+    )
+
+
+def write_docking(path, run, names, seed, step=0.0137):
+    """Write what sensors of a rig saw of a run: noise, another clock, another rate."""
+    draw = np.random.default_rng(seed)
+    time = np.arange(0.3, run.time[-1] - 0.3, step)
+    noise = {name: SIGMAS[name] * draw.normal(size=len(time)) for name in names}
+    columns = [np.interp(time, run.time, run[name]) + noise[name] for name in names]
+    head = ",".join(["time [s]", *(f"{n} [{run.units[n]}]" for n in names)])
+    np.savetxt(path, np.transpose([time + CLOCK, *columns]), "%.9g", ",", header=head, comments="")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("second", "most"), [("relative.lateral", 16), ("capture.compression", 34)]
+)
+def test_a_fit_of_a_docking_takes_few_runs(tmp_path, docked, second, most):
+    """By hand (least_squares, differences for all three): 24 runs; with the load 56, 30 sigma off.
+
+    Impacts are shorter than the steps of the run, so their heights are valleys of the friction.
+    """
+    rig = write_docking(tmp_path / "rig.csv", docked, ["relative.axial", second], seed=1)
+    found = dl.fit("idss_25t_350t", rig, DOCKING, stop=6)
+    for name, value in HARDWARE.items():
+        assert_found(found, name, value)
+    shift = found.summary["by_test"]["rig"]["unknowns"]["shift"]
+    assert abs(shift["value"] + CLOCK) < 3.0 * shift["deviation"]
+    assert found.summary["starts"] == {"captured": 1}  # no doubt, so no other start
+    assert found.summary["runs"] <= most

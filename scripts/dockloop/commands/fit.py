@@ -36,7 +36,7 @@ def add_options(command: Command) -> None:
     command.add_option("--shift", "T", text, type=finite)
     text = "linear, or soft_l1 against outliers (default: linear)"
     command.add_option("--loss", "NAME", text, default="linear")
-    text = "starts of the search, as contact makes valleys (default: 8)"
+    text = "most starts of the search; all but one are for a result in doubt (default: 8)"
     command.add_option("--starts", "N", text, type=whole, default=8)
     command.add_option("--seed", "N", "of these (default: 0)", type=whole, default=0)
     command.add_flag(

@@ -146,7 +146,7 @@ def fit(
         scales: channels with an unknown factor in each test.
         shift: time of the run less time of the data [s]; default: unknown in each test.
         loss: ``"linear"``, or ``"soft_l1"`` against outliers.
-        starts: of the search.
+        starts: of the search, at most; all but one are for a result in doubt.
         seed: of these.
         accuracy: wanted relative error of the runs; default: 1e-6.
         output: the journal is kept next to this file; default: it is not kept.

@@ -49,7 +49,7 @@ class Order:
         noise: standard deviations by channel, for all tests.
         sensors: what is known of them.
         loss: of residuals.
-        starts: of the search.
+        starts: of the search, at most.
         seed: of these.
         is_plan: tests are planned; there are no data.
     """

@@ -15,7 +15,7 @@ from dockloop.base.tables import say_form
 from dockloop.report.parts import describe_base, show_figure
 from dockloop.studies.fits.plan import Planned
 from dockloop.studies.fits.problem import Problem, Series
-from dockloop.studies.fits.search import Found
+from dockloop.studies.fits.search import MANY, Found
 from dockloop.studies.fits.statistics import GUESS, QUANTILE, describe_direction
 from dockloop.sweeps.fitted import COMMAND
 
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 _MOST_PANELS = 12
 _STRONG = 0.9  # correlation that is said
 _AT_BOUND, _ON_BOUND = 2e-3, 1e-4  # of the range: if uncertain by that, and in any case
-_MANY = 0.5  # of the samples of a channel: fewer within the run are said
 _DETERMINED = 0.9  # of the deviation of a guess: what a plan expects below is determined
 
 
@@ -203,7 +202,7 @@ def _list_hidden(problem: Problem, found: Found) -> Iterator[str]:
                 f" {series.name}=SIGMA"
             )
         counted, count = int(np.isfinite(series.sigma).sum()), len(series.time)
-        if problem.sensors.shift is None and counted < _MANY * count:
+        if problem.sensors.shift is None and counted < MANY * count:
             yield (
                 f"only {counted} of {count} samples of {channel} are within the run, at the shift"
                 " that was found: state --shift if this is wrong"
