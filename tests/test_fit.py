@@ -674,3 +674,40 @@ def test_a_fit_of_a_docking_takes_few_runs(tmp_path, docked, second, most):
     assert abs(shift["value"] + CLOCK) < 3.0 * shift["deviation"]
     assert found.summary["starts"] == {"captured": 1}  # no doubt, so no other start
     assert found.summary["runs"] <= most
+
+
+SPEED = "initial.closing_speed"
+
+
+@pytest.mark.parametrize(
+    ("speed", "ends", "start", "outcome"),
+    [(0.018, (5e-3, 0.06), "captured", "undecided"), (0.024, (0.0, 0.03), "undecided", "captured")],
+)
+def test_a_search_crosses_the_boundary_of_capture(tmp_path, speed, ends, start, outcome):
+    """Dockings of 8 s at less than 0.02 m/s are not captured. Searches begin elsewhere."""
+    made = {"overrides": {SPEED: speed}, "start_values": {FRICTION: 0.16}}
+    run = dl.run("idss_25t_350t", **made, stop=8, step=2e-3)
+    file = write_docking(tmp_path / "rig.csv", run, ["relative.axial", "relative.lateral"], seed=1)
+    data = {"file": str(file), "outcome": outcome}
+    found = dl.fit("idss_25t_350t", data, {SPEED: ends, FRICTION: (0.0, 0.4)}, stop=8)
+    assert start in found.summary["starts"]
+    assert found.summary["by_test"]["rig"]["outcome"]["agrees"]
+    assert_found(found, SPEED, speed)
+    assert_found(found, FRICTION, 0.16)
+
+
+@pytest.mark.parametrize(
+    ("speed", "ends"), [(0.06, (-0.15, 0.09)), (0.01, (-0.15, 0.15)), (0.02, (-0.15, 0.15))]
+)
+def test_a_search_goes_around_what_is_refused(tmp_path, speed, ends):
+    """Negative speeds are refused: at the first start, or at a step from there.
+
+    With the third one, the first search ends at a shift that leaves no sample in the run.
+    """
+    rig = write_rig(tmp_path / "rig.csv", speed=speed)
+    found = fit(rig, vary={**RANGES, SPEED: ends}, starts=8)
+    for name, value in ((SPEED, speed), (K, STIFFNESS), (C, DAMPING)):
+        assert_found(found, name, value)
+    assert "closing_speed is -" in found.summary["not_done"][0]
+    assert "runs were not done" in write_text(report_fit(found.summary))
+    assert not found.summary["hidden"]

@@ -152,7 +152,7 @@ class Problem:
         self._campaign, self._report, self._vary = campaign, report, list(vary)
         self.accuracy = accuracy
         self.step = math.sqrt(accuracy)
-        self._runs: dict[tuple, Recording | str] = {}  # by case: a recording, or why there is none
+        self._runs: dict[tuple, Any] = {}  # by case: a recording, or why there is none
         self.outcomes: dict[tuple, str] = {}
         self._slopes: dict[int, Slopes] = {}  # by test, where the search has them
         self.parameters = list(self._list_parameters())
@@ -238,7 +238,11 @@ class Problem:
         """Return how many runs the fit asked for."""
         return len(self._runs)
 
-    def get_run(self, x: np.ndarray, trial: int) -> Recording | str:
+    def list_reasons(self) -> list[str]:
+        """Return why runs were not done, one text for each."""
+        return [run for run in self._runs.values() if isinstance(run, str)]
+
+    def get_run(self, x: np.ndarray, trial: int) -> Any:
         """Return the run of a test, or why there is none."""
         case = self.make_case(x, trial)
         self.run([case])
@@ -315,14 +319,12 @@ class Problem:
             [self._calc_rows(x, s, self._slopes[s.trial]) for s in self.choose(trials)]
         )
 
-    def _find_slope(
-        self, x: np.ndarray, trial: int, sides: Sequence[tuple[tuple, float]]
-    ) -> np.ndarray:
+    def _find_slope(self, x: np.ndarray, trial: int, sides: Sequence[tuple]) -> np.ndarray:
         """Return a derivative of a run by a difference; empty: there is no run."""
         if isinstance(run := self.get_run(x, trial), str):
             return np.zeros(0)
         alike = [(by, self._runs[case]) for case, by in sides if self._is_alike(x, trial, case)]
-        ends: list[tuple[float, Any]] = sorted([(0.0, run), *alike], key=lambda end: end[0])
+        ends = sorted([(0.0, run), *alike], key=lambda end: end[0])
         (low, first), (high, last) = ends[0], ends[-1]
         return (last.values - first.values) / (high - low or 1.0)
 
@@ -330,7 +332,7 @@ class Problem:
         """Return whether the derivatives of a run go along to here, and correct them."""
         if not (slopes := self._slopes.get(trial)) or (is_central and not slopes.is_central):
             return False
-        case, before = self.make_case(x, trial), self.make_case(slopes.x, trial)
+        case = self.make_case(x, trial)
         if not self._is_alike(slopes.x, trial, case):
             return False
         own = self._find_own(trial)
@@ -338,19 +340,16 @@ class Problem:
         length = float(np.linalg.norm(way))
         if length < self.step or is_central:
             return length < self.step
-        old, new = self._runs[before], self._runs[case]
-        assert not isinstance(old, str)
-        assert not isinstance(new, str)
+        old, new = self.get_run(slopes.x, trial), self._runs[case]
         change = new.values - old.values
         missed = change - sum(slopes.by[j] * by for j, by in zip(own, way, strict=True))
-        sizes = [
-            sum(
-                float(np.sum((self._interpolate(x, s, new.time, part) / s.sigma) ** 2))
-                for s in self.choose([trial])
-            )
-            for part in (missed, change)
-        ]
-        if sizes[0] > _FORESEEN**2 * sizes[1]:
+
+        def size(part: np.ndarray) -> float:
+            chosen = self.choose([trial])
+            rows = [self._interpolate(x, s, new.time, part) / s.sigma for s in chosen]
+            return float(np.linalg.norm(np.concatenate(rows)))
+
+        if size(missed) > _FORESEEN * size(change):
             return False
         by = {j: slopes.by[j] + missed * (w / length**2) for j, w in zip(own, way, strict=True)}
         self._slopes[trial] = Slopes(x.copy(), False, by)

@@ -117,6 +117,7 @@ def _begin(fitted: "Fitted") -> dict[str, Any]:
             for p, part in zip(problem.parameters, fitted.own, strict=True)
         },
         "runs": problem.count_runs(),
+        "not_done": problem.list_reasons(),
         "ran": fitted.ran,
         "seconds": fitted.seconds,
     }
@@ -281,6 +282,8 @@ def _list_points(summary: dict[str, Any]) -> Iterator[str]:
     yield from (
         f"outcome: {each}: no difference is taken across" for each in summary["outcome_changes"]
     )
+    if reasons := summary["not_done"]:
+        yield f"{len(reasons)} runs were not done, and the search went around: {reasons[0]}"
     yield from summary["hidden"]
 
 

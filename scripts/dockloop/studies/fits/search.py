@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import qmc
 
-from dockloop.base.errors import DockloopError
+from dockloop.base.errors import DockloopError, UsageError
 from dockloop.studies.fits.problem import Problem
 from dockloop.studies.fits.statistics import (
     QUANTILE,
@@ -85,24 +85,29 @@ def find_fit(
 
     Raises:
         DockloopError: no start can be run.
+        UsageError: too few samples fall into the run.
     """
     fitted, held = problem.list_trials(), problem.list_trials(held=True)
     points = _list_starts(problem, own, starts, seed)
     counts: Counter[str] = Counter()
     best: tuple[np.ndarray, dict[str, float]] | None = None
     report("search")
+    lost: DockloopError | None = None
     for group in (points[:1], points[1:]):
-        ranked = _rank(problem, group, counts)[:_BEST]
-        solved = [_solve(problem, start, loss, _COARSE) for start in ranked]
-        x = min(solved, key=lambda x: _score(problem, x), default=None)
-        if x is not None and (best is None or _score(problem, x) < _score(problem, best[0])):
-            best = _refine(problem, x, loss)
+        try:
+            ranked = _rank(problem, group, counts)[:_BEST]
+            solved = [_solve(problem, start, loss, _COARSE) for start in ranked]
+            x = min(solved, key=lambda x: _score(problem, x), default=None)
+            if x is not None and (best is None or _score(problem, x) < _score(problem, best[0])):
+                best = _refine(problem, x, loss)
+        except UsageError as error:  # a shift at which too few samples are left
+            lost = lost or error
         if best and not _is_doubtful(problem, *best):
             break
     if best is None:
-        reasons = (problem.get_run(x, k) for x in points for k in fitted)
-        reason = next(run for run in reasons if isinstance(run, str))
-        raise DockloopError(f"no start can be run, for example: {reason}")
+        raise lost or DockloopError(
+            f"no start can be run, for example: {problem.list_reasons()[0]}"
+        )
     x = best[0]
     noise = problem.weigh(x, fitted, is_robust=loss != "linear")
     if held:
@@ -112,7 +117,7 @@ def find_fit(
             x = problem.polish(x, held)
     report("uncertainty")
     found = _judge(problem, x, loss, noise)
-    found.starts, found.changes = counts, problem.list_changes(x)
+    found.starts, found.changes = dict(counts), problem.list_changes(x)
     if None not in own:
         found.before = x.copy()
         found.before[: len(own)] = own
