@@ -24,7 +24,7 @@ from scipy.integrate import solve_ivp
 import dockloop as dl
 from dockloop.base.paths import ROOT
 from dockloop.base.sections import write_text
-from dockloop.studies.fits.problem import filter_low
+from dockloop.studies.fits.problem import filter_low, limit_rate
 from dockloop.studies.fits.report import report_fit
 from dockloop.studies.fits.statistics import estimate
 from test_cli import assert_refused
@@ -138,7 +138,7 @@ def test_the_numbers_behind_data_of_another_engine_are_found():
 def count_inside(folder, repetitions):
     """Fit again and again with other noise; count how often each value is inside its interval."""
     inside, alarms = dict.fromkeys((K, C, "shift"), 0), 0
-    for seed in range(repetitions):
+    for seed in range(20):
         found = fit(write_rig(folder / "rig.csv", seed=100 + seed, clock=0.01 * seed))
         for name, value in ((K, STIFFNESS), (C, DAMPING)):
             low, high = found.summary["intervals"][name]
@@ -263,6 +263,27 @@ def test_a_low_pass_of_a_ramp_lags_by_its_time_constant():
     lag = 1.0 / (2.0 * math.pi * 0.5)
     exact = time - lag * (1.0 - np.exp(-time / lag))
     assert slow == pytest.approx(exact, abs=1e-12)
+
+
+def test_a_sensor_that_lags_is_known_by_its_rate(tmp_path):
+    """The load rises by up to 6 kN/s after a jump to 900 N; the sensor follows 1.5 kN/s."""
+    fine = np.arange(0.0, 5.0, 1e-4)
+    axial, force = move(fine)
+    lagging = np.interp(TIME, fine, limit_rate(fine, force, 1500.0))
+    rig = write_rig(tmp_path / "rig.csv", histories=(np.interp(TIME, fine, axial), lagging))
+    found = fit(rig, rate_limits={"capture.compression": 1500.0})
+    assert_found(found, K, STIFFNESS)
+    assert_found(found, C, DAMPING)
+    assert not found.summary["hidden"]
+    assert fit(rig).summary["hidden"]
+
+
+def test_a_limited_rate_lags_and_catches_up():
+    """A jump by 2, then a ramp of 0.25/s, followed at 0.5/s: they meet after 8 s."""
+    time = np.linspace(0.0, 10.0, 101)
+    values = np.where(time > 0.0, 2.0 + 0.25 * time, 0.0)
+    assert limit_rate(time, values, 0.5) == pytest.approx(np.minimum(0.5 * time, values), abs=1e-9)
+    assert limit_rate(time, -values, 0.5) == pytest.approx(-limit_rate(time, values, 0.5))
 
 
 def test_offsets_and_outliers_are_no_matter_of_the_parameters(tmp_path):
@@ -608,6 +629,8 @@ def test_drawn_cases_have_the_covariance_and_run_as_a_sweep(tmp_path):
         ({"noise": {"capture.tension": 1.0}}, ["capture.tension", "no test"]),
         ({"filters": {"relative.axial": -1.0}}, ["relative.axial", "above 0"]),
         ({"offsets": ["relative.axal"]}, ["relative.axal", "no test"]),
+        ({"rate_limits": {"relative.axial": 0.0}}, ["rate_limits", "relative.axial", "above 0"]),
+        ({"rate_limits": {"relative.axal": 1.0}}, ["rate_limits", "relative.axal", "no test"]),
         ({"loss": "cubic"}, ["cubic", "soft_l1"]),
         ({"starts": 0}, ["starts", "1 to"]),
         ({"accuracy": 0.5}, ["0.5", "at most 0.01"]),

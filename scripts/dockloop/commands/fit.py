@@ -29,6 +29,8 @@ def add_options(command: Command) -> None:
     command.add_list("--noise", "noise", "OUTPUT=SIGMA", text)
     text = "corner frequency of a sensor that is a first-order low-pass [Hz]"
     command.add_list("--filter", "filters", "OUTPUT=HZ", text)
+    text = "largest change within a second that a sensor follows, in the unit of its output"
+    command.add_list("--rate-limit", "rate_limits", "OUTPUT=RATE", text)
     for option in ("offset", "scale"):
         text = f"a channel with an unknown {option} in each test"
         command.add_list(f"--{option}", f"{option}s", "OUTPUT", text)

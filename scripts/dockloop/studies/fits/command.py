@@ -113,6 +113,7 @@ def fit(
     csv: str = "",
     noise: Mapping[str, float] | None = None,
     filters: Mapping[str, float] | None = None,
+    rate_limits: Mapping[str, float] | None = None,
     offsets: str | Sequence[str] = (),
     scales: str | Sequence[str] = (),
     shift: float | None = None,
@@ -142,6 +143,8 @@ def fit(
         csv: form of the tables, as ``--csv``.
         noise: standard deviations by channel, in the unit of the output; default: estimated.
         filters: corner frequencies of first-order sensors by channel [Hz].
+        rate_limits: largest change within a second of outputs of sensors, by channel, in the unit
+            of the output.
         offsets: channels with an unknown offset in each test.
         scales: channels with an unknown factor in each test.
         shift: time of the run less time of the data [s]; default: unknown in each test.
@@ -164,7 +167,9 @@ def fit(
         {"vary": vary, "vary_each": vary_each},
         experiment=_make_experiment(stop, step), accuracy=accuracy,
         columns=_as_names(columns), form=csv, noise=noise or {},
-        sensors=Sensors(filters or {}, _as_names(offsets), _as_names(scales), shift),
+        sensors=Sensors(
+            filters or {}, _as_names(offsets), _as_names(scales), shift, rate_limits or {}
+        ),
         loss=loss, starts=starts, seed=seed,
     )  # fmt: skip
     with scratch() as folder:
@@ -356,6 +361,7 @@ def _read_order(options: argparse.Namespace) -> Order:
             tuple(options.offsets),
             tuple(options.scales),
             options.shift,
+            _parse_numbers("--rate-limit", options.rate_limits),
         ),
         options.loss,
         options.starts,

@@ -12,6 +12,7 @@ Runs are read linearly between communication points. A sample where the run bend
 an impact that no step resolves says nothing, but many of them make false valleys.
 """
 
+import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -68,12 +69,14 @@ class Sensors:
         offsets: channels with an unknown offset in each test.
         scales: channels with an unknown factor in each test.
         shift: time of the run less time of the data [s]; None: unknown in each test.
+        rate_limits: largest change within a second that an output of a sensor can have, by channel.
     """
 
     filters: Mapping[str, float] = field(default_factory=dict)
     offsets: Sequence[str] = ()
     scales: Sequence[str] = ()
     shift: float | None = None
+    rate_limits: Mapping[str, float] = field(default_factory=dict)
 
 
 class Parameter(NamedTuple):
@@ -228,6 +231,9 @@ class Problem:
             for name, corner in self.sensors.filters.items():
                 column = names.index(name)
                 values[:, column] = filter_low(values[:, 0], values[:, column], corner)
+            for name, rate in self.sensors.rate_limits.items():
+                column = names.index(name)
+                values[:, column] = limit_rate(values[:, 0], values[:, column], rate)
             self._runs[case] = Recording({}, names, [""] * len(names), values)
             ends = dict(zip(self.planner.asked, result.outputs, strict=True))
             known = "outcome" in ends
@@ -547,6 +553,13 @@ def filter_low(time: np.ndarray, values: np.ndarray, corner: float) -> np.ndarra
     old = (1.0 - kept) / part - kept
     filtered, _ = lfilter([new, old], [1.0, -kept], values, zi=[values[0] * (1.0 - new)])
     return filtered
+
+
+def limit_rate(time: np.ndarray, values: np.ndarray, rate: float) -> np.ndarray:
+    """Return values at equal steps that follow others, but change by at most a rate [1/s]."""
+    most = rate * float(time[1] - time[0])
+    follow = itertools.accumulate(values.tolist(), lambda y, v: min(max(v, y - most), y + most))
+    return np.fromiter(follow, float, len(values))
 
 
 def find_bends(time: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
