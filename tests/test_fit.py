@@ -10,7 +10,8 @@ the numbers to be found are known. What is not known to the fit:
 4. filters, offsets, scales, outliers, own values of each test, tests that are held back;
 5. plans expect the deviations that fits then have;
 6. copies of the scene, journals, bad input;
-7. dockings with six legs and impacts: how many runs a fit takes, and what these hide.
+7. dockings with six legs and impacts: how many runs a fit takes, and what these hide;
+8. data of runs with 32 digits, seen by a rig.
 """
 
 import json
@@ -20,10 +21,12 @@ import tomllib
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
 
 import dockloop as dl
 from dockloop.base.paths import ROOT
 from dockloop.base.sections import write_text
+from dockloop.runs.solution import make_solution
 from dockloop.studies.fits.problem import filter_low, limit_rate
 from dockloop.studies.fits.report import report_fit
 from dockloop.studies.fits.statistics import estimate
@@ -734,3 +737,56 @@ def test_a_search_goes_around_what_is_refused(tmp_path, speed, ends):
     assert "closing_speed is -" in found.summary["not_done"][0]
     assert "runs were not done" in write_text(report_fit(found.summary))
     assert not found.summary["hidden"]
+
+
+# ------------------------------------------------------------------------------ 8. 32 digits
+
+OFFSETS = {"capture.compression": 150.0, "relative.lateral": 5e-3}  # N, m
+SLIDING = "contact.friction_coefficient"
+RIGS = {  # by scene: a second channel, the hardware with its ranges, what is known
+    "absorber_1d": (
+        "capture.compression:kN", {K: (STIFFNESS, RANGES[K]), C: (DAMPING, RANGES[C])},
+        {"overrides": LATER, "stop": 5.0},
+    ),
+    "idss_25t_350t": (
+        "relative.lateral:mm", {LEGS: (1300.0, DOCKING[LEGS]), SLIDING: (0.16, DOCKING[FRICTION])},
+        {"overrides": {}, "stop": 4.0},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "scene", ["absorber_1d", pytest.param("idss_25t_350t", marks=pytest.mark.long)]
+)
+def test_numbers_behind_a_run_with_32_digits_are_in_their_intervals(tmp_path, scene):
+    """Resampled, with noise, a clock of its own and an offset, in columns with names of a rig."""
+    second, varied, more = RIGS[scene]
+    hardware = {name: value for name, (value, _) in varied.items()}
+    ranges = {name: ends for name, (_, ends) in varied.items()}
+    names = ["relative.axial", second.partition(":")[0]]
+    overrides = [f"{name}={value!r}" for name, value in (hardware | more["overrides"]).items()]
+    solution = make_solution(scene, names, overrides=overrides, stop=more["stop"], step=5e-3)
+    time = np.arange(0.3, more["stop"] - 0.3, 0.0137)
+    clean = [CubicSpline(solution["time"], solution["output"][name])(time) for name in names]
+    clean[1] = clean[1] + OFFSETS[names[1]]
+    units = np.array([[1e3], [1e-3 if second.endswith("kN") else 1e3]])
+    inside = dict.fromkeys((*hardware, "shift", "offset"), 0)
+    for seed in range(20):
+        noise = np.random.default_rng(200 + seed).normal(size=(2, len(time)))
+        seen = units * (clean + noise * [[SIGMAS[name]] for name in names])
+        table = np.transpose([time + CLOCK, *seen])
+        np.savetxt(tmp_path / "rig.csv", table, "%.9g", ";", header="clock;dx;other", comments="")
+        found = dl.fit(
+            scene, tmp_path / "rig.csv", ranges, **more, offsets=names[1],
+            columns=f"clock=time:s, dx=relative.axial:mm, other={second}",
+        )  # fmt: skip
+        for name, value in hardware.items():
+            low, high = found.summary["intervals"][name]
+            inside[name] += low <= value <= high
+        unknowns = found.summary["by_test"]["rig"]["unknowns"]
+        wanted = {"shift": -CLOCK, f"offset of {names[1]}": OFFSETS[names[1]]}
+        for name, value in wanted.items():
+            by = unknowns[name]
+            inside[name.split()[0]] += abs(by["value"] - value) < 1.96 * by["deviation"]
+        assert not found.summary["hidden"]
+    assert min(inside.values()) >= 16, inside  # of 20: fewer happen once in 400
