@@ -9,7 +9,9 @@ the numbers to be found are known. What is not known to the fit:
 3. a law of another kind (dry friction in place of a damper) is noticed, noise is not;
 4. filters, offsets, scales, outliers, own values of each test, tests that are held back;
 5. plans expect the deviations that fits then have;
-6. copies of the scene, journals, bad input.
+6. copies of the scene, journals, bad input;
+7. dockings with six legs and impacts: how many runs a fit takes, and what these hide;
+8. data of runs with 32 digits, seen by a rig.
 """
 
 import json
@@ -19,11 +21,13 @@ import tomllib
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
 
 import dockloop as dl
 from dockloop.base.paths import ROOT
 from dockloop.base.sections import write_text
-from dockloop.studies.fits.problem import filter_low
+from dockloop.runs.solution import make_solution
+from dockloop.studies.fits.problem import filter_low, limit_rate
 from dockloop.studies.fits.report import report_fit
 from dockloop.studies.fits.statistics import estimate
 from test_cli import assert_refused
@@ -137,7 +141,7 @@ def test_the_numbers_behind_data_of_another_engine_are_found():
 def count_inside(folder, repetitions):
     """Fit again and again with other noise; count how often each value is inside its interval."""
     inside, alarms = dict.fromkeys((K, C, "shift"), 0), 0
-    for seed in range(repetitions):
+    for seed in range(20):
         found = fit(write_rig(folder / "rig.csv", seed=100 + seed, clock=0.01 * seed))
         for name, value in ((K, STIFFNESS), (C, DAMPING)):
             low, high = found.summary["intervals"][name]
@@ -262,6 +266,27 @@ def test_a_low_pass_of_a_ramp_lags_by_its_time_constant():
     lag = 1.0 / (2.0 * math.pi * 0.5)
     exact = time - lag * (1.0 - np.exp(-time / lag))
     assert slow == pytest.approx(exact, abs=1e-12)
+
+
+def test_a_sensor_that_lags_is_known_by_its_rate(tmp_path):
+    """The load rises by up to 6 kN/s after a jump to 900 N; the sensor follows 1.5 kN/s."""
+    fine = np.arange(0.0, 5.0, 1e-4)
+    axial, force = move(fine)
+    lagging = np.interp(TIME, fine, limit_rate(fine, force, 1500.0))
+    rig = write_rig(tmp_path / "rig.csv", histories=(np.interp(TIME, fine, axial), lagging))
+    found = fit(rig, rate_limits={"capture.compression": 1500.0})
+    assert_found(found, K, STIFFNESS)
+    assert_found(found, C, DAMPING)
+    assert not found.summary["hidden"]
+    assert fit(rig).summary["hidden"]
+
+
+def test_a_limited_rate_lags_and_catches_up():
+    """A jump by 2, then a ramp of 0.25/s, followed at 0.5/s: they meet after 8 s."""
+    time = np.linspace(0.0, 10.0, 101)
+    values = np.where(time > 0.0, 2.0 + 0.25 * time, 0.0)
+    assert limit_rate(time, values, 0.5) == pytest.approx(np.minimum(0.5 * time, values), abs=1e-9)
+    assert limit_rate(time, -values, 0.5) == pytest.approx(-limit_rate(time, values, 0.5))
 
 
 def test_offsets_and_outliers_are_no_matter_of_the_parameters(tmp_path):
@@ -604,6 +629,8 @@ def test_drawn_cases_have_the_covariance_and_run_as_a_sweep(tmp_path):
         ({"noise": {"capture.tension": 1.0}}, ["capture.tension", "no test"]),
         ({"filters": {"relative.axial": -1.0}}, ["relative.axial", "above 0"]),
         ({"offsets": ["relative.axal"]}, ["relative.axal", "no test"]),
+        ({"rate_limits": {"relative.axial": 0.0}}, ["rate_limits", "relative.axial", "above 0"]),
+        ({"rate_limits": {"relative.axal": 1.0}}, ["rate_limits", "relative.axal", "no test"]),
         ({"loss": "cubic"}, ["cubic", "soft_l1"]),
         ({"starts": 0}, ["starts", "1 to"]),
         ({"accuracy": 0.5}, ["0.5", "at most 0.01"]),
@@ -626,3 +653,147 @@ def test_bad_input_is_refused_in_one_sentence(tmp_path, monkeypatch, change, wor
     assert "\n" not in str(error.value)
     for word in words:
         assert word in str(error.value)
+
+
+# ----------------------------------------------------------------------- 7. dockings with legs
+
+LEGS, FRICTION = "mechanism.set.leg_defaults.damping", "friction.coefficient"
+HARDWARE = {LEGS: 1300.0, FRICTION: 0.16}
+DOCKING = {LEGS: (200.0, 3000.0), FRICTION: (0.0, 0.4)}
+SIGMAS = SIGMA | {"relative.lateral": 3e-4}  # m
+
+
+@pytest.fixture(scope="module")
+def docked():
+    return dl.run(
+        "idss_25t_350t", overrides={LEGS: 1300.0}, start_values={FRICTION: 0.16}, stop=6, step=2e-3
+    )
+
+
+def write_docking(path, run, names, seed, step=0.0137):
+    """Write what sensors of a rig saw of a run: noise, another clock, another rate."""
+    draw = np.random.default_rng(seed)
+    time = np.arange(0.3, run.time[-1] - 0.3, step)
+    noise = {name: SIGMAS[name] * draw.normal(size=len(time)) for name in names}
+    columns = [np.interp(time, run.time, run[name]) + noise[name] for name in names]
+    head = ",".join(["time [s]", *(f"{n} [{run.units[n]}]" for n in names)])
+    np.savetxt(path, np.transpose([time + CLOCK, *columns]), "%.9g", ",", header=head, comments="")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("second", "most"), [("relative.lateral", 16), ("capture.compression", 34)]
+)
+def test_a_fit_of_a_docking_takes_few_runs(tmp_path, docked, second, most):
+    """By hand (least_squares, differences for all three): 24 runs; with the load 56, 30 sigma off.
+
+    Impacts are shorter than the steps of the run, so their heights are valleys of the friction.
+    """
+    rig = write_docking(tmp_path / "rig.csv", docked, ["relative.axial", second], seed=1)
+    found = dl.fit("idss_25t_350t", rig, DOCKING, stop=6)
+    for name, value in HARDWARE.items():
+        assert_found(found, name, value)
+    shift = found.summary["by_test"]["rig"]["unknowns"]["shift"]
+    assert abs(shift["value"] + CLOCK) < 3.0 * shift["deviation"]
+    assert found.summary["starts"] == {"captured": 1}  # no doubt, so no other start
+    assert found.summary["runs"] <= most
+
+
+def test_a_load_with_impacts_alone_is_in_doubt(tmp_path, docked):
+    """A valley of the heights of impacts is as deep as that of the truth."""
+    sentences = []
+    for channels in (["capture.compression"], ["relative.axial", "capture.compression"]):
+        rig = write_docking(tmp_path / f"rig{len(channels)}.csv", docked, channels, seed=1)
+        found = dl.fit("idss_25t_350t", rig, DOCKING, stop=6, starts=2)
+        sentences.append([s for s in found.summary["hidden"] if "shorter than a step" in s])
+    assert [len(each) for each in sentences] == [1, 0]
+
+
+SPEED = "initial.closing_speed"
+
+
+@pytest.mark.parametrize(
+    ("speed", "ends", "start", "outcome"),
+    [(0.018, (5e-3, 0.06), "captured", "undecided"), (0.024, (0.0, 0.03), "undecided", "captured")],
+)
+def test_a_search_crosses_the_boundary_of_capture(tmp_path, speed, ends, start, outcome):
+    """Dockings of 8 s at less than 0.02 m/s are not captured. Searches begin elsewhere."""
+    made = {"overrides": {SPEED: speed}, "start_values": {FRICTION: 0.16}}
+    run = dl.run("idss_25t_350t", **made, stop=8, step=2e-3)
+    file = write_docking(tmp_path / "rig.csv", run, ["relative.axial", "relative.lateral"], seed=1)
+    data = {"file": str(file), "outcome": outcome}
+    found = dl.fit("idss_25t_350t", data, {SPEED: ends, FRICTION: (0.0, 0.4)}, stop=8)
+    assert start in found.summary["starts"]
+    assert found.summary["by_test"]["rig"]["outcome"]["agrees"]
+    assert_found(found, SPEED, speed)
+    assert_found(found, FRICTION, 0.16)
+
+
+@pytest.mark.parametrize(
+    ("speed", "ends"), [(0.06, (-0.15, 0.09)), (0.01, (-0.15, 0.15)), (0.02, (-0.15, 0.15))]
+)
+def test_a_search_goes_around_what_is_refused(tmp_path, speed, ends):
+    """Negative speeds are refused: at the first start, or at a step from there.
+
+    With the third one, the first search ends at a shift that leaves no sample in the run.
+    """
+    rig = write_rig(tmp_path / "rig.csv", speed=speed)
+    found = fit(rig, vary={**RANGES, SPEED: ends}, starts=8)
+    for name, value in ((SPEED, speed), (K, STIFFNESS), (C, DAMPING)):
+        assert_found(found, name, value)
+    assert "closing_speed is -" in found.summary["not_done"][0]
+    assert "runs were not done" in write_text(report_fit(found.summary))
+    assert not found.summary["hidden"]
+
+
+# ------------------------------------------------------------------------------ 8. 32 digits
+
+OFFSETS = {"capture.compression": 150.0, "relative.lateral": 5e-3}  # N, m
+SLIDING = "contact.friction_coefficient"
+RIGS = {  # by scene: a second channel, the hardware with its ranges, what is known
+    "absorber_1d": (
+        "capture.compression:kN", {K: (STIFFNESS, RANGES[K]), C: (DAMPING, RANGES[C])},
+        {"overrides": LATER, "stop": 5.0},
+    ),
+    "idss_25t_350t": (
+        "relative.lateral:mm", {LEGS: (1300.0, DOCKING[LEGS]), SLIDING: (0.16, DOCKING[FRICTION])},
+        {"overrides": {}, "stop": 4.0},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "scene", ["absorber_1d", pytest.param("idss_25t_350t", marks=pytest.mark.long)]
+)
+def test_numbers_behind_a_run_with_32_digits_are_in_their_intervals(tmp_path, scene):
+    """Resampled, with noise, a clock of its own and an offset, in columns with names of a rig."""
+    second, varied, more = RIGS[scene]
+    hardware = {name: value for name, (value, _) in varied.items()}
+    ranges = {name: ends for name, (_, ends) in varied.items()}
+    names = ["relative.axial", second.partition(":")[0]]
+    overrides = [f"{name}={value!r}" for name, value in (hardware | more["overrides"]).items()]
+    solution = make_solution(scene, names, overrides=overrides, stop=more["stop"], step=5e-3)
+    time = np.arange(0.3, more["stop"] - 0.3, 0.0137)
+    clean = [CubicSpline(solution["time"], solution["output"][name])(time) for name in names]
+    clean[1] = clean[1] + OFFSETS[names[1]]
+    units = np.array([[1e3], [1e-3 if second.endswith("kN") else 1e3]])
+    inside = dict.fromkeys((*hardware, "shift", "offset"), 0)
+    for seed in range(20):
+        noise = np.random.default_rng(200 + seed).normal(size=(2, len(time)))
+        seen = units * (clean + noise * [[SIGMAS[name]] for name in names])
+        table = np.transpose([time + CLOCK, *seen])
+        np.savetxt(tmp_path / "rig.csv", table, "%.9g", ";", header="clock;dx;other", comments="")
+        found = dl.fit(
+            scene, tmp_path / "rig.csv", ranges, **more, offsets=names[1],
+            columns=f"clock=time:s, dx=relative.axial:mm, other={second}",
+        )  # fmt: skip
+        for name, value in hardware.items():
+            low, high = found.summary["intervals"][name]
+            inside[name] += low <= value <= high
+        unknowns = found.summary["by_test"]["rig"]["unknowns"]
+        wanted = {"shift": -CLOCK, f"offset of {names[1]}": OFFSETS[names[1]]}
+        for name, value in wanted.items():
+            by = unknowns[name]
+            inside[name.split()[0]] += abs(by["value"] - value) < 1.96 * by["deviation"]
+        assert not found.summary["hidden"]
+    assert min(inside.values()) >= 16, inside  # of 20: fewer happen once in 400

@@ -22,6 +22,7 @@ _ARGUMENTS = {  # of Python functions that have another name than the option
     "-filter": "filters",
     "-map": "names",
     "-offset": "offsets",
+    "-rate-limit": "rate_limits",
     "-scale": "scales",
     "-scene": "overrides",
     "-set": "start_values",

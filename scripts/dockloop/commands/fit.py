@@ -29,6 +29,8 @@ def add_options(command: Command) -> None:
     command.add_list("--noise", "noise", "OUTPUT=SIGMA", text)
     text = "corner frequency of a sensor that is a first-order low-pass [Hz]"
     command.add_list("--filter", "filters", "OUTPUT=HZ", text)
+    text = "largest change within a second that a sensor follows, in the unit of its output"
+    command.add_list("--rate-limit", "rate_limits", "OUTPUT=RATE", text)
     for option in ("offset", "scale"):
         text = f"a channel with an unknown {option} in each test"
         command.add_list(f"--{option}", f"{option}s", "OUTPUT", text)
@@ -36,7 +38,7 @@ def add_options(command: Command) -> None:
     command.add_option("--shift", "T", text, type=finite)
     text = "linear, or soft_l1 against outliers (default: linear)"
     command.add_option("--loss", "NAME", text, default="linear")
-    text = "starts of the search, as contact makes valleys (default: 8)"
+    text = "most starts of the search; all but one are for a result in doubt (default: 8)"
     command.add_option("--starts", "N", text, type=whole, default=8)
     command.add_option("--seed", "N", "of these (default: 0)", type=whole, default=0)
     command.add_flag(

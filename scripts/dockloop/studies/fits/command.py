@@ -113,6 +113,7 @@ def fit(
     csv: str = "",
     noise: Mapping[str, float] | None = None,
     filters: Mapping[str, float] | None = None,
+    rate_limits: Mapping[str, float] | None = None,
     offsets: str | Sequence[str] = (),
     scales: str | Sequence[str] = (),
     shift: float | None = None,
@@ -142,11 +143,13 @@ def fit(
         csv: form of the tables, as ``--csv``.
         noise: standard deviations by channel, in the unit of the output; default: estimated.
         filters: corner frequencies of first-order sensors by channel [Hz].
+        rate_limits: largest change within a second of outputs of sensors, by channel, in the unit
+            of the output.
         offsets: channels with an unknown offset in each test.
         scales: channels with an unknown factor in each test.
         shift: time of the run less time of the data [s]; default: unknown in each test.
         loss: ``"linear"``, or ``"soft_l1"`` against outliers.
-        starts: of the search.
+        starts: of the search, at most; all but one are for a result in doubt.
         seed: of these.
         accuracy: wanted relative error of the runs; default: 1e-6.
         output: the journal is kept next to this file; default: it is not kept.
@@ -164,7 +167,9 @@ def fit(
         {"vary": vary, "vary_each": vary_each},
         experiment=make_experiment(stop, step), accuracy=accuracy,
         columns=_as_names(columns), form=csv, noise=noise or {},
-        sensors=Sensors(filters or {}, _as_names(offsets), _as_names(scales), shift),
+        sensors=Sensors(
+            filters or {}, _as_names(offsets), _as_names(scales), shift, rate_limits or {}
+        ),
         loss=loss, starts=starts, seed=seed,
     )  # fmt: skip
     with scratch() as folder:
@@ -343,6 +348,7 @@ def _read_order(options: argparse.Namespace) -> Order:
             tuple(options.offsets),
             tuple(options.scales),
             options.shift,
+            parse_settings("--rate-limit", options.rate_limits),
         ),
         options.loss,
         options.starts,

@@ -31,6 +31,7 @@ from dockloop.sweeps.sampling import Cases, Sweep, list_quantities
 WORK = "fit"
 _TEST = "test"  # the column of the names of tests
 _MOST_POINTS = 20_000  # of a run
+_FINER = 0.1  # of a step, where sensors have a limited rate
 _MOST_CASES = 100_000
 
 
@@ -49,7 +50,7 @@ class Order:
         noise: standard deviations by channel, for all tests.
         sensors: what is known of them.
         loss: of residuals.
-        starts: of the search.
+        starts: of the search, at most.
         seed: of these.
         is_plan: tests are planned; there are no data.
     """
@@ -185,6 +186,9 @@ def _check(order: Order) -> None:
     for name, corner in order.sensors.filters.items():
         if not 0.0 < as_number(corner) < np.inf:
             raise UsageError(f"--filter {name}={corner!r}: must be a frequency above 0 [Hz]")
+    for name, rate in order.sensors.rate_limits.items():
+        if not 0.0 < as_number(rate) < np.inf:
+            raise UsageError(f"--rate-limit {name}={rate!r}: must be a rate above 0 [unit/s]")
     for name, value in order.noise.items():
         check_noise(f"--noise {name}", value)
     if order.sensors.shift is not None:
@@ -197,6 +201,7 @@ def _check_channels(order: Order, trials: Sequence[Trial]) -> None:
     sensors = order.sensors
     for option, names in (
         ("--filter", sensors.filters),
+        ("--rate-limit", sensors.rate_limits),
         ("--offset", sensors.offsets),
         ("--scale", sensors.scales),
         ("--noise", order.noise),
@@ -268,5 +273,7 @@ def _choose_step(order: Order, planner: Planner, trials: Sequence[Trial]) -> Non
     times = planner.times
     steps = [float(np.median(np.diff(t.data.time))) for t in trials if t.data is not None]
     step = min([float(times[1] - times[0]), *(step for step in steps if step > 0.0)])
+    if order.sensors.rate_limits:  # errors of the time of a jump stay for as long as a sensor lags
+        step *= _FINER
     step = max(step, float(times[-1] - times[0]) / _MOST_POINTS)
     planner.experiment = {**planner.experiment, "step": step}

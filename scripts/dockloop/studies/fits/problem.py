@@ -4,12 +4,15 @@ The unknowns are one vector: parameters as parts of their ranges (0 to 1), then 
 is not of interest: time shift, offsets and scales of channels. Only parameters need runs. Their
 derivatives are differences of runs (`sqrt(accuracy)` of the range: between error of a run and
 curvature), which are cases of a campaign and run side by side. A difference is never taken across a
-change of the outcome.
+change of the outcome. Derivatives go along to the next point, corrected by what changed on the way
+(Broyden), as long as they foresee most of that change.
 
 Runs are read linearly between communication points. A sample where the run bends within one step
-(contact, capture, a jump) counts less: its variance has the square of that bend.
+(contact, capture, a jump) counts less, and hardly if it bends by more than the noise: the height of
+an impact that no step resolves says nothing, but many of them make false valleys.
 """
 
+import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -28,7 +31,7 @@ from dockloop.studies.measured.overlay import check_overlap, find_shift
 from dockloop.sweeps.campaign import Campaign
 from dockloop.sweeps.planning import Planner
 
-FAILED = 1e3  # residual of a run that was not done
+_FORESEEN = 0.3  # part of a change of a run that derivatives may miss, and go along
 _ROUNDS = 5  # of the estimate of noise with bends
 _FAR = 0.1  # deviation of a channel before anything is known, part of its range
 
@@ -66,12 +69,14 @@ class Sensors:
         offsets: channels with an unknown offset in each test.
         scales: channels with an unknown factor in each test.
         shift: time of the run less time of the data [s]; None: unknown in each test.
+        rate_limits: largest change within a second that an output of a sensor can have, by channel.
     """
 
     filters: Mapping[str, float] = field(default_factory=dict)
     offsets: Sequence[str] = ()
     scales: Sequence[str] = ()
     shift: float | None = None
+    rate_limits: Mapping[str, float] = field(default_factory=dict)
 
 
 class Parameter(NamedTuple):
@@ -107,6 +112,21 @@ class Series:
     unknowns: dict[str, int]
 
 
+@dataclass
+class Slopes:
+    """Derivatives of the run of a test.
+
+    Attributes:
+        x: the vector where they hold.
+        is_central: of differences both ways, near x.
+        by: with respect to each parameter of the test: of time and channels, as a run has them.
+    """
+
+    x: np.ndarray
+    is_central: bool
+    by: dict[int, np.ndarray]
+
+
 class Problem:
     """What a fit minimises.
 
@@ -135,14 +155,16 @@ class Problem:
         self._campaign, self._report, self._vary = campaign, report, list(vary)
         self.accuracy = accuracy
         self.step = math.sqrt(accuracy)
-        self._runs: dict[tuple, Recording | str] = {}  # by case: a recording, or why there is none
+        self._runs: dict[tuple, Any] = {}  # by case: a recording, or why there is none
         self.outcomes: dict[tuple, str] = {}
+        self._slopes: dict[int, Slopes] = {}  # by test, where the search has them
         self.parameters = list(self._list_parameters())
         self.labels: list[tuple[int, str, str]] = []
         self.units: list[float] = []  # of these entries: what 1 means
         self._shifts: dict[int, float] = {}  # of tests, from which those of the vector count
         self.series = [s for number in range(len(self.trials)) for s in self._list_series(number)]
         self.size = len(self.parameters) + len(self.labels)
+        self.forget_weights()
 
     def _list_parameters(self) -> Iterator[Parameter]:
         for vary in self._vary:
@@ -170,8 +192,7 @@ class Problem:
             if name in self.sensors.scales:
                 unknowns["scale"] = self._add(number, "scale", name, 1.0)
             noise = trial.noise.get(name)
-            sigma = np.full(len(time), _FAR * extent if noise is None else noise)
-            yield Series(number, name, time, values, noise, sigma, extent, unknowns)
+            yield Series(number, name, time, values, noise, np.ones(len(time)), extent, unknowns)
 
     def _add(self, trial: int, kind: str, channel: str, unit: float) -> int:
         self.labels.append((trial, kind, channel))
@@ -210,6 +231,9 @@ class Problem:
             for name, corner in self.sensors.filters.items():
                 column = names.index(name)
                 values[:, column] = filter_low(values[:, 0], values[:, column], corner)
+            for name, rate in self.sensors.rate_limits.items():
+                column = names.index(name)
+                values[:, column] = limit_rate(values[:, 0], values[:, column], rate)
             self._runs[case] = Recording({}, names, [""] * len(names), values)
             ends = dict(zip(self.planner.asked, result.outputs, strict=True))
             known = "outcome" in ends
@@ -220,7 +244,11 @@ class Problem:
         """Return how many runs the fit asked for."""
         return len(self._runs)
 
-    def get_run(self, x: np.ndarray, trial: int) -> Recording | str:
+    def list_reasons(self) -> list[str]:
+        """Return why runs were not done, one text for each."""
+        return [run for run in self._runs.values() if isinstance(run, str)]
+
+    def get_run(self, x: np.ndarray, trial: int) -> Any:
         """Return the run of a test, or why there is none."""
         case = self.make_case(x, trial)
         self.run([case])
@@ -247,18 +275,27 @@ class Problem:
         return scale * self._read(x, series, run) + offset
 
     def _read(self, x: np.ndarray, series: Series, run: Recording, later: float = 0.0) -> Any:
-        shift = self.find_unknown(x, series, "shift") + later
-        return np.interp(series.time + shift, run.time, run[series.name])
+        return self._interpolate(x, series, run.time - later, run.values)
+
+    def _interpolate(
+        self, x: np.ndarray, series: Series, time: np.ndarray, values: np.ndarray
+    ) -> np.ndarray:
+        """Return the channel of a series at its samples, from columns as a run has them."""
+        column = values[:, 1 + self.planner.histories.index(series.name)]
+        return np.interp(series.time + self.find_unknown(x, series, "shift"), time, column)
 
     def calc_residuals(self, x: np.ndarray, trials: Sequence[int] | None = None) -> np.ndarray:
-        """Return run less data over standard deviation, shape (samples of all series,)."""
+        """Return run less data over standard deviation, shape (samples of all series,).
+
+        Those of a run that was not done are NaN: a search takes a shorter step then.
+        """
         trials = self.list_trials() if trials is None else trials
         self.run([self.make_case(x, trial) for trial in trials])
         parts = []
-        for series in self._choose(trials):
+        for series in self.choose(trials):
             run = self.get_run(x, series.trial)
             if isinstance(run, str):
-                parts.append(np.full(len(series.time), FAILED))
+                parts.append(np.full(len(series.time), np.nan))
             else:
                 parts.append((self.predict(x, series, run) - series.values) / series.sigma)
         return np.concatenate(parts)
@@ -272,30 +309,67 @@ class Problem:
         the same outcome have zeros.
         """
         trials = self.list_trials() if trials is None else trials
-        sides = {(k, j): self._list_sides(x, k, j) for k in trials for j in self._find_own(k)}
+        self.run([self.make_case(x, k) for k in trials])
+        new = [k for k in trials if not self._follow(x, k, is_central=is_central)]
+        sides = {(k, j): self._list_sides(x, k, j) for k in new for j in self._find_own(k)}
         wanted = {key: pair if is_central else pair[:1] for key, pair in sides.items()}
         self.run([case for pair in wanted.values() for case, _ in pair])
         for (k, j), pair in wanted.items():
             if not any(self._is_alike(x, k, case) for case, _ in pair):
                 wanted[k, j] = sides[k, j]
         self.run([case for pair in wanted.values() for case, _ in pair])
-        return np.vstack([self._calc_rows(x, s, wanted) for s in self._choose(trials)])
+        for k in new:
+            by = {j: self._find_slope(x, k, wanted[k, j]) for j in self._find_own(k)}
+            self._slopes[k] = Slopes(x.copy(), is_central, by)
+        return np.vstack(
+            [self._calc_rows(x, s, self._slopes[s.trial]) for s in self.choose(trials)]
+        )
 
-    def _calc_rows(self, x: np.ndarray, series: Series, sides: Mapping) -> np.ndarray:
-        """Return the rows of one series."""
+    def _find_slope(self, x: np.ndarray, trial: int, sides: Sequence[tuple]) -> np.ndarray:
+        """Return a derivative of a run by a difference; empty: there is no run."""
+        if isinstance(run := self.get_run(x, trial), str):
+            return np.zeros(0)
+        alike = [(by, self._runs[case]) for case, by in sides if self._is_alike(x, trial, case)]
+        ends = sorted([(0.0, run), *alike], key=lambda end: end[0])
+        (low, first), (high, last) = ends[0], ends[-1]
+        return (last.values - first.values) / (high - low or 1.0)
+
+    def _follow(self, x: np.ndarray, trial: int, *, is_central: bool) -> bool:
+        """Return whether the derivatives of a run go along to here, and correct them."""
+        if not (slopes := self._slopes.get(trial)) or (is_central and not slopes.is_central):
+            return False
+        case = self.make_case(x, trial)
+        if not self._is_alike(slopes.x, trial, case):
+            return False
+        own = self._find_own(trial)
+        way = x[own] - slopes.x[own]
+        length = float(np.linalg.norm(way))
+        if length < self.step or is_central:
+            return length < self.step
+        old, new = self.get_run(slopes.x, trial), self._runs[case]
+        change = new.values - old.values
+        missed = change - sum(slopes.by[j] * by for j, by in zip(own, way, strict=True))
+
+        def size(part: np.ndarray) -> float:
+            chosen = self.choose([trial])
+            rows = [self._interpolate(x, s, new.time, part) / s.sigma for s in chosen]
+            return float(np.linalg.norm(np.concatenate(rows)))
+
+        if size(missed) > _FORESEEN * size(change):
+            return False
+        by = {j: slopes.by[j] + missed * (w / length**2) for j, w in zip(own, way, strict=True)}
+        self._slopes[trial] = Slopes(x.copy(), False, by)
+        return True
+
+    def _calc_rows(self, x: np.ndarray, series: Series, slopes: Slopes | None) -> np.ndarray:
+        """Return the rows of one series; without derivatives of runs only those behind them."""
         rows = np.zeros((len(series.time), self.size))
         run = self.get_run(x, series.trial)
         if isinstance(run, str):
             return rows
         scale, base = self.find_unknown(x, series, "scale"), self._read(x, series, run)
-        for j in self._find_own(series.trial):
-            ends: list[tuple[float, np.ndarray]] = [(0.0, base)]
-            for case, by in sides[series.trial, j]:
-                if self._is_alike(x, series.trial, case):
-                    ends.append((by, self._read(x, series, self._runs[case])))  # type: ignore
-            ends.sort(key=lambda end: end[0])
-            if len(ends) > 1:
-                rows[:, j] = scale * (ends[-1][1] - ends[0][1]) / (ends[-1][0] - ends[0][0])
+        for j, slope in slopes.by.items() if slopes else ():
+            rows[:, j] = scale * self._interpolate(x, series, run.time, slope)
         for kind, index in series.unknowns.items():
             unit = self.units[index - len(self.parameters)]
             if kind == "shift":
@@ -306,7 +380,8 @@ class Problem:
                 rows[:, index] = unit * (base if kind == "scale" else 1.0)
         return rows / series.sigma[:, None]
 
-    def _choose(self, trials: Sequence[int]) -> list[Series]:
+    def choose(self, trials: Sequence[int]) -> list[Series]:
+        """Return every channel of some tests."""
         return [series for series in self.series if series.trial in trials]
 
     def _find_own(self, trial: int) -> list[int]:
@@ -372,8 +447,7 @@ class Problem:
             return moved
 
         def calc_rows(part: np.ndarray) -> np.ndarray:
-            none: dict = {(k, j): [] for k in trials for j in self._find_own(k)}
-            rows = [self._calc_rows(put(part), s, none) for s in self._choose(trials)]
+            rows = [self._calc_rows(put(part), s, None) for s in self.choose(trials)]
             return np.vstack(rows)[:, free]
 
         found = least_squares(
@@ -406,11 +480,17 @@ class Problem:
 
     def mask(self, x: np.ndarray, trials: Sequence[int]) -> None:
         """Let samples outside of the run not count. Raises UsageError: too few are inside."""
-        for series in self._choose(trials):
+        for series in self.choose(trials):
             run = self.get_run(x, series.trial)
             if not isinstance(run, str):
                 inside = self._find_inside(x, series, run)
                 series.sigma = np.where(inside, series.sigma, np.inf)
+
+    def forget_weights(self) -> None:
+        """Let all samples of a channel count the same, as before anything is known."""
+        for s in self.series:
+            sigma = _FAR * s.extent if s.noise is None else s.noise
+            s.sigma = np.full(len(s.time), sigma)
 
     def find_floor(self, name: str) -> float:
         """Return the standard deviation of a channel below which errors of runs decide."""
@@ -438,7 +518,7 @@ class Problem:
             DockloopError: a test cannot be run.
         """
         parts: dict[str, list[tuple[Any, ...]]] = {}  # series, error, bend, inside
-        for series in self._choose(trials):
+        for series in self.choose(trials):
             run = self.get_run(x, series.trial)
             if isinstance(run, str):
                 raise DockloopError(f"test '{self.trials[series.trial].name}': {run}")
@@ -455,7 +535,7 @@ class Problem:
             found[name] = noise.get(name, max(own, self.find_floor(name)))
             for series, _, bend, inside in entries:
                 sigma = found[name] if series.noise is None else series.noise
-                series.sigma = np.where(inside, np.hypot(sigma, bend), np.inf)
+                series.sigma = np.where(inside, sigma + bend**2 / sigma, np.inf)
         return found
 
 
@@ -475,6 +555,13 @@ def filter_low(time: np.ndarray, values: np.ndarray, corner: float) -> np.ndarra
     return filtered
 
 
+def limit_rate(time: np.ndarray, values: np.ndarray, rate: float) -> np.ndarray:
+    """Return values at equal steps that follow others, but change by at most a rate [1/s]."""
+    most = rate * float(time[1] - time[0])
+    follow = itertools.accumulate(values.tolist(), lambda y, v: min(max(v, y - most), y + most))
+    return np.fromiter(follow, float, len(values))
+
+
 def find_bends(time: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
     """Return by how much values between points may differ from a straight line: rms at a jump."""
     second = np.zeros(len(values))
@@ -484,11 +571,11 @@ def find_bends(time: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarr
 
 
 def estimate_noise(errors: np.ndarray, bends: np.ndarray, *, is_robust: bool) -> float:
-    """Return the standard deviation of samples whose variance also has the square of a bend."""
+    """Return the standard deviation of samples, of which those at bends count less."""
     if is_robust:
         return float(1.4826 * np.median(np.abs(errors)))
     variance = float(np.mean(errors**2))
     for _ in range(_ROUNDS):
-        weights = variance / (variance + bends**2) if variance > 0.0 else np.ones(len(errors))
+        weights = (1.0 + bends**2 / variance) ** -2 if variance > 0.0 else np.ones(len(errors))
         variance = float(np.sum(weights * errors**2) / np.sum(weights))
     return math.sqrt(variance)

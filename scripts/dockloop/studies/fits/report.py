@@ -15,7 +15,7 @@ from dockloop.base.tables import say_form
 from dockloop.report.parts import describe_base, show_figure
 from dockloop.studies.fits.plan import Planned
 from dockloop.studies.fits.problem import Problem, Series
-from dockloop.studies.fits.search import Found
+from dockloop.studies.fits.search import MANY, Found
 from dockloop.studies.fits.statistics import GUESS, QUANTILE, describe_direction
 from dockloop.sweeps.fitted import COMMAND
 
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 _MOST_PANELS = 12
 _STRONG = 0.9  # correlation that is said
+_BENT = 10.0  # deviation of a sample at a bend, over that of the noise
 _AT_BOUND, _ON_BOUND = 2e-3, 1e-4  # of the range: if uncertain by that, and in any case
-_MANY = 0.5  # of the samples of a channel: fewer within the run are said
 _DETERMINED = 0.9  # of the deviation of a guess: what a plan expects below is determined
 
 
@@ -118,6 +118,7 @@ def _begin(fitted: "Fitted") -> dict[str, Any]:
             for p, part in zip(problem.parameters, fitted.own, strict=True)
         },
         "runs": problem.count_runs(),
+        "not_done": problem.list_reasons(),
         "ran": fitted.ran,
         "seconds": fitted.seconds,
     }
@@ -193,8 +194,21 @@ def _find_rms(error: np.ndarray) -> float | None:
     return _as_number(float(np.sqrt(np.mean(error**2)))) if len(error) else None
 
 
+def _has_impacts(series: Series) -> bool:
+    """Return whether a channel bends within a step of the run, by far more than its noise."""
+    inside = series.sigma[np.isfinite(series.sigma)]
+    return len(inside) == 0 or bool(inside.max() > _BENT * inside.min())
+
+
 def _list_hidden(problem: Problem, found: Found) -> Iterator[str]:
     """Yield sentences on what the residuals hide, or on why that is not known."""
+    for number in problem.list_trials():
+        if all(_has_impacts(series) for series in problem.choose([number])):
+            yield (
+                f"every channel of '{problem.trials[number].name}' has impacts that are shorter"
+                " than a step of the run, and make false valleys, which the deviations do not show:"
+                " fit a channel of the motion too, or state a smaller --step"
+            )
     for series, judged, band in zip(problem.series, found.judged, found.bands, strict=True):
         channel = f"{series.name} in '{problem.trials[series.trial].name}'"
         if np.isnan(band).all():
@@ -203,7 +217,7 @@ def _list_hidden(problem: Problem, found: Found) -> Iterator[str]:
                 f" {series.name}=SIGMA"
             )
         counted, count = int(np.isfinite(series.sigma).sum()), len(series.time)
-        if problem.sensors.shift is None and counted < _MANY * count:
+        if problem.sensors.shift is None and counted < MANY * count:
             yield (
                 f"only {counted} of {count} samples of {channel} are within the run, at the shift"
                 " that was found: state --shift if this is wrong"
@@ -282,6 +296,8 @@ def _list_points(summary: dict[str, Any]) -> Iterator[str]:
     yield from (
         f"outcome: {each}: no difference is taken across" for each in summary["outcome_changes"]
     )
+    if reasons := summary["not_done"]:
+        yield f"{len(reasons)} runs were not done, and the search went around: {reasons[0]}"
     yield from summary["hidden"]
 
 

@@ -1,13 +1,15 @@
-"""Minimises the residuals of a fit: some starts, then trust regions with estimated noise.
+"""Minimises the residuals of a fit: trust regions with estimated noise, more starts in doubt.
 
-Starts are the values of the scene and a Sobol sequence, since contact makes valleys. Starts whose
-outcomes are the measured ones come first. The best two go some steps, the better one goes on.
-Standard deviations of channels that are not stated follow from the residuals, round by round.
+The first start is the scene. If what it leads to does not meet the measurements, other starts
+follow, of a Sobol sequence, since contact makes valleys. Those whose outcomes are the measured ones
+come first. The best two go some steps; the better one goes on if it beats what was found before.
+Standard deviations of channels that are not stated follow from the residuals, round by round. A
+search ends where derivatives by differences both ways foresee no gain; these give the uncertainty.
 """
 
 import warnings
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,7 +17,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import qmc
 
-from dockloop.base.errors import DockloopError
+from dockloop.base.errors import DockloopError, UsageError
 from dockloop.studies.fits.problem import Problem
 from dockloop.studies.fits.statistics import (
     QUANTILE,
@@ -26,11 +28,13 @@ from dockloop.studies.fits.statistics import (
 )
 
 _BEST = 2  # starts that go on
-_COARSE, _FINE = (1e-2, 4), (0.0, 40)  # part of the sum of squares, evaluations that end a search
+_COARSE, _FINE = (1e-2, 4), (0.0, 10)  # part of the sum of squares, evaluations that end a search
 _CHANGE = 0.01  # of half the sum of squares that ends a search: a tenth of a deviation
 _STEP = 1e-5  # of the vector that ends a search
-_ROUNDS = 4  # of estimates of noise
+_HOLD = 1e-3  # residual of a change by all of a range: 1e-6 in the sum of squares
+_ROUNDS = 6  # of estimates of noise, and of derivatives both ways
 _SAME = 0.05  # change of standard deviations that ends the rounds
+MANY = 0.5  # of the samples of a channel: fewer within the run are in doubt
 _INSIDE = 1e-3  # of the range that a start keeps from a bound
 
 
@@ -74,26 +78,38 @@ def find_fit(
     Args:
         problem: what is minimised.
         own: values of the scene, as parts of the ranges; None: not known.
-        starts: how many.
+        starts: at most so many.
         seed: of the starts.
         loss: ``linear`` or ``soft_l1``.
         report: receives what is being done.
 
     Raises:
         DockloopError: no start can be run.
+        UsageError: too few samples fall into the run.
     """
     fitted, held = problem.list_trials(), problem.list_trials(held=True)
-    report("starts")
-    ranked, counts = _rank(problem, _list_starts(problem, own, starts, seed))
+    points = _list_starts(problem, own, starts, seed)
+    counts: Counter[str] = Counter()
+    best: tuple[np.ndarray, dict[str, float]] | None = None
     report("search")
-    solved = (_solve(problem, start, loss, _COARSE) for start in ranked[:_BEST])
-    x = min(solved, key=lambda found: found[0])[1]
-    noise: dict[str, float] = {}
-    for _ in range(_ROUNDS):
-        old, noise = noise, problem.weigh(x, fitted, is_robust=loss != "linear")
-        if old and all(abs(noise[name] / old[name] - 1.0) < _SAME for name in noise):
+    lost: DockloopError | None = None
+    for group in (points[:1], points[1:]):
+        try:
+            ranked = _rank(problem, group, counts)[:_BEST]
+            solved = [_solve(problem, start, loss, _COARSE) for start in ranked]
+            x = min(solved, key=lambda x: _score(problem, x), default=None)
+            if x is not None and (best is None or _score(problem, x) < _score(problem, best[0])):
+                best = _refine(problem, x, loss)
+        except UsageError as error:  # a shift at which too few samples are left
+            lost = lost or error
+        if best and not _is_doubtful(problem, *best):
             break
-        x = _solve(problem, x, loss, _FINE)[1]
+    if best is None:
+        raise lost or DockloopError(
+            f"no start can be run, for example: {problem.list_reasons()[0]}"
+        )
+    x = best[0]
+    noise = problem.weigh(x, fitted, is_robust=loss != "linear")
     if held:
         x = problem.shift(x, held)
         for _ in range(2):  # weights depend on the shift
@@ -101,7 +117,7 @@ def find_fit(
             x = problem.polish(x, held)
     report("uncertainty")
     found = _judge(problem, x, loss, noise)
-    found.starts, found.changes = counts, problem.list_changes(x)
+    found.starts, found.changes = dict(counts), problem.list_changes(x)
     if None not in own:
         found.before = x.copy()
         found.before[: len(own)] = own
@@ -122,79 +138,113 @@ def _list_starts(
     return [np.concatenate([point, np.zeros(problem.size - count)]) for point in points]
 
 
-def _rank(problem: Problem, points: list[np.ndarray]) -> tuple[list[np.ndarray], dict[str, int]]:
-    """Return the starts that can be run, best first, and how many had which outcomes."""
+def _rank(problem: Problem, points: list[np.ndarray], counts: Counter[str]) -> list[np.ndarray]:
+    """Return the starts that can be run, best first, and count their outcomes."""
     trials = problem.list_trials()
+    problem.forget_weights()
     problem.run([problem.make_case(x, k) for x in points for k in trials])
-    ranked: list[tuple[int, float, int, np.ndarray]] = []
-    reason = ""
-    counts: Counter[str] = Counter()
-    for x in points:
-        runs = [problem.get_run(x, k) for k in trials]
-        outcomes = [problem.outcomes[problem.make_case(x, k)] for k in trials]
-        counts.update(outcomes)
-        if wrong := [run for run in runs if isinstance(run, str)]:
-            reason = reason or wrong[0]
-            continue
-        moved = problem.polish(problem.shift(x, trials))
-        others = sum(problem.compare_outcome(x, k).get("agrees") is False for k in trials)
-        ranked.append((others, _calc_cost(problem, moved), len(ranked), moved))
-    if not ranked:
-        raise DockloopError(f"no start can be run, for example: {reason}")
-    best = [x for *_, x in sorted(ranked)]
-    problem.mask(best[0], trials)
-    return best, dict(counts)
+    counts.update(problem.outcomes[problem.make_case(x, k)] for x in points for k in trials)
+    done = [x for x in points if not any(isinstance(problem.get_run(x, k), str) for k in trials)]
+    moved = [problem.polish(problem.shift(x, trials)) for x in done]
+    ranked = sorted(moved, key=lambda x: _score(problem, x))
+    if ranked:
+        problem.mask(ranked[0], trials)
+    return ranked
 
 
-def _calc_cost(problem: Problem, x: np.ndarray) -> float:
-    return float(np.sum(problem.calc_residuals(x) ** 2))
+def _score(problem: Problem, x: np.ndarray) -> tuple[int, float]:
+    """Return how many outcomes are not the measured ones, and the sum of squares."""
+    trials = problem.list_trials()
+    others = sum(problem.compare_outcome(x, k).get("agrees") is False for k in trials)
+    return others, float(np.sum(problem.calc_residuals(x) ** 2))
 
 
-def _solve(
-    problem: Problem, x: np.ndarray, loss: str, ends: tuple[float, int]
-) -> tuple[float, np.ndarray]:
-    """Return the sum of squares and the vector at a minimum."""
+def _refine(problem: Problem, x: np.ndarray, loss: str) -> tuple[np.ndarray, dict[str, float]]:
+    """Return the vector at a minimum with its own noise, and the noise of channels."""
+    trials, noise = problem.list_trials(), dict[str, float]()
+    for _ in range(_ROUNDS):
+        old, noise = noise, problem.weigh(x, trials, is_robust=loss != "linear")
+        if old:
+            jacobian = problem.calc_jacobian(x, is_central=True)
+            gain = jacobian @ np.linalg.lstsq(jacobian, problem.calc_residuals(x), rcond=None)[0]
+            is_settled = all(abs(noise[name] / old[name] - 1.0) < _SAME for name in noise)
+            if is_settled and float(gain @ gain) < 2.0 * _CHANGE:
+                break
+        last, x = x, _solve(problem, x, loss, _FINE)
+        if old and np.array_equal(last, x):
+            break
+    return x, noise
+
+
+def _is_doubtful(problem: Problem, x: np.ndarray, noise: dict[str, float]) -> bool:
+    """Return whether a minimum may be one of several: the measurements are not met."""
+    parts = x[: len(problem.parameters)]
+    return (
+        _score(problem, x)[0] > 0
+        or any(np.mean(np.isfinite(s.sigma)) < MANY for s in problem.choose(problem.list_trials()))
+        or bool(np.any(np.minimum(parts, 1.0 - parts) < _INSIDE))
+        or any(judged["hidden"] for judged, _ in _judge_series(problem, x, noise))
+    )
+
+
+def _solve(problem: Problem, x: np.ndarray, loss: str, ends: tuple[float, int]) -> np.ndarray:
+    """Return the vector at a minimum.
+
+    What has no effect stays where it is: without the last rows, steps would be those of no rank.
+    """
+    hold = _HOLD * np.eye(problem.size)
     low, high = np.full(problem.size, -np.inf), np.full(problem.size, np.inf)
     low[: len(problem.parameters)], high[: len(problem.parameters)] = 0.0, 1.0
-    counted = sum(np.isfinite(s.sigma).sum() for s in problem.series)
-    found = least_squares(
-        problem.calc_residuals,
+    counted = sum(np.isfinite(s.sigma).sum() for s in problem.choose(problem.list_trials()))
+    return least_squares(
+        lambda at: np.append(problem.calc_residuals(at), hold @ (at - x)),
         x,
-        problem.calc_jacobian,
+        lambda at: np.vstack([problem.calc_jacobian(at), hold]),
         (low, high),
         loss=loss,
         ftol=max(ends[0], 2.0 * _CHANGE / counted),
         xtol=_STEP,
         gtol=None,
         max_nfev=ends[1],
-    )
-    return float(found.cost), found.x
+    ).x
+
+
+def _judge_series(
+    problem: Problem, x: np.ndarray, noise: dict[str, float], *, held: bool | None = False
+) -> Iterator[tuple[dict[str, Any], np.ndarray]]:
+    """Yield for every series what its residuals look like, and its residuals."""
+    trials = problem.list_trials(held=held)
+    chosen = problem.choose(trials)
+    fitted = sum(not problem.trials[series.trial].is_held for series in chosen)
+    ends = np.cumsum([len(series.time) for series in chosen])[:-1]
+    for series, part in zip(chosen, np.split(problem.calc_residuals(x, trials), ends), strict=True):
+        counted = np.isfinite(series.sigma)
+        is_stated = series.noise is not None
+        is_exact = noise.get(series.name, np.inf) <= problem.find_floor(series.name)
+        judged = judge_residuals(
+            part[counted],
+            series.time[counted],
+            fitted,
+            is_stated=is_stated,
+            is_exact=is_exact and not is_stated,
+        )
+        yield judged, part
 
 
 def _judge(problem: Problem, x: np.ndarray, loss: str, noise: dict[str, float]) -> Found:
     """Return the uncertainty at a minimum, and what the residuals look like."""
     every = problem.list_trials(held=None)
     jacobian = problem.calc_jacobian(x, every, is_central=True)
-    residuals = problem.calc_residuals(x, every)
-    counts = [len(series.time) for series in problem.series]
-    rows = np.split(np.arange(len(residuals)), np.cumsum(counts)[:-1])
-    is_fitted = [not problem.trials[series.trial].is_held for series in problem.series]
-    judged, is_known, weights = [], [], np.zeros(len(residuals))
-    for series, part, fitted in zip(problem.series, rows, is_fitted, strict=True):
-        counted = part[np.isfinite(series.sigma)]
-        is_stated = series.noise is not None
-        is_known.append(is_stated or series.name in noise)
-        is_exact = noise.get(series.name, np.inf) <= problem.find_floor(series.name)
-        judged.append(
-            judge_residuals(
-                residuals[counted],
-                series.time[np.isfinite(series.sigma)],
-                sum(is_fitted),
-                is_stated=is_stated,
-                is_exact=is_exact and not is_stated,
-            )
-        )
-        weights[counted] = judged[-1]["per_sample"] ** -0.5 if fitted else 0.0
+    pairs = list(_judge_series(problem, x, noise, held=None))
+    judged, residuals = [pair[0] for pair in pairs], np.concatenate([pair[1] for pair in pairs])
+    ends = np.cumsum([len(series.time) for series in problem.series])[:-1]
+    rows = np.split(np.arange(len(residuals)), ends)
+    is_known = [series.noise is not None or series.name in noise for series in problem.series]
+    weights = np.concatenate([
+        np.isfinite(series.sigma)
+        * (0.0 if problem.trials[series.trial].is_held else each["per_sample"] ** -0.5)
+        for series, each in zip(problem.series, judged, strict=True)
+    ])  # fmt: skip
     used = weights > 0.0
     extents = np.concatenate([series.extent / series.sigma for series in problem.series])
     resolution = problem.accuracy / (2.0 * problem.step) * float(np.linalg.norm(extents[used]))
