@@ -206,7 +206,6 @@ void Docking::Impl::check(const Variable& v, double value, const std::string& fu
   if (v.type == Type::kInteger && (value != std::floor(value) || std::abs(value) > INT_MAX)) {
     refuse("must be a whole number");
   }
-  if (v.type == Type::kBoolean && value != 0.0 && value != 1.0) refuse("must be true or false");
 }
 
 void Docking::set(const std::vector<int>& rows, const std::vector<double>& values,

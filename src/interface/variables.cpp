@@ -170,6 +170,9 @@ void check_value(const Variable& v, double value, const char* function) {
     throw ModelError(std::string(function) + ": '" + v.name + "' = " + shortest(value) + why);
   };
   if (!std::isfinite(value)) refuse(" is not a finite number");
+  if (v.type == Type::kBoolean && value != 0.0 && value != 1.0) {
+    refuse(": must be false (0) or true (1)");
+  }
   const auto absent = v.refused.find(static_cast<int>(std::clamp(value, -1e9, 1e9)));
   if (absent != v.refused.end()) refuse(absent->second);
   if (std::abs(value) > kLargestValue)
