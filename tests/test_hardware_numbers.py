@@ -10,6 +10,7 @@ import pytest
 import dockloop as dl
 from dockloop.base.errors import UsageError
 from dockloop.base.paths import MECHANISMS, SCENES
+from extreme_cases.fmi_host import ERROR, OK, Host
 from slides import make_slide, write_slide
 
 RING, PROBE, ABSORBER = "idss_25t_350t", "probe_drogue", "absorber_1d"
@@ -136,6 +137,17 @@ def test_a_latch_can_release_on_overload():
     assert holds["captured"][-1]
     assert not opens["captured"][-1]
     assert max(opens[f"latch[{i}].force"].max() for i in (1, 2, 3)) < peak
+
+
+@pytest.mark.parametrize("wrong", [-3, -1, 2, 256])  # the last one would be 0 in one byte
+def test_a_switch_of_an_fmu_is_zero_or_one(runs, wrong):
+    name = "latch[1].releases_on_overload"
+    with Host(runs.fmu(RING)) as host:
+        for right in (1, 0):
+            assert host.set_status({name: right}, "Boolean") == OK
+            assert host.set_status({name: wrong}, "Boolean") == ERROR
+            assert f"'{name}' = {wrong}: must be false (0) or true (1)" in host.last_line
+            assert host.slave.getBoolean([host.reference[name]]) == [right]
 
 
 BAD = {

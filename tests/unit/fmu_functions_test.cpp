@@ -325,27 +325,6 @@ TEST_F(Fmi, EveryLineHasADeclaredCategory) {
 
 // ---------------------------------------------------------------- get and set
 
-TEST_F(Fmi, ABooleanIsZeroOrOne) {
-  fmi2ValueReference reference = 0;
-  while (self().variables[reference].type != Type::kBoolean ||
-         self().variables[reference].causality != Causality::kParameter) {
-    ASSERT_LT(++reference, self().variables.size());
-  }
-  const auto read = [&] {
-    fmi2Boolean value = -1;
-    EXPECT_EQ(fmi2GetBoolean(c_, &reference, 1, &value), fmi2OK);
-    return value;
-  };
-  for (const fmi2Boolean right : {fmi2True, fmi2False}) {
-    EXPECT_EQ(fmi2SetBoolean(c_, &reference, 1, &right), fmi2OK) << last_text();
-    for (const fmi2Boolean wrong : {-3, -1, 2, 256}) {  // the last one would be 0 in one byte
-      EXPECT_EQ(fmi2SetBoolean(c_, &reference, 1, &wrong), fmi2Error);
-      expect_text("must be false (0) or true (1)");
-      EXPECT_EQ(read(), right);
-    }
-  }
-}
-
 TEST_F(Fmi, ASetIsAllOrNothing) {
   const double mass = get("chaser.mass");
   const fmi2ValueReference pair[] = {reference_.at("chaser.mass"), reference_.at("target.mass")};
