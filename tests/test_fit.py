@@ -700,7 +700,7 @@ def test_a_fit_of_a_docking_takes_few_runs(tmp_path, docked, second, most):
 
 
 def test_a_load_with_impacts_alone_is_in_doubt(tmp_path, docked):
-    """A valley of the heights of impacts is as deep as that of the truth."""
+    """A valley of the heights of impacts is as deep as that of the right values."""
     sentences = []
     for channels in (["capture.compression"], ["relative.axial", "capture.compression"]):
         rig = write_docking(tmp_path / f"rig{len(channels)}.csv", docked, channels, seed=1)

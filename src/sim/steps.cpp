@@ -160,8 +160,11 @@ Status DockingSim::Impl::step(double t, double h) {
     status = finish_step(h, was_pending);
     if (status.ok()) return status;
   }
-  const bool may_be_host = status.code != StatusCode::kCouplingUnstable && host->has_host();
-  const std::string cause = may_be_host ? host->explain_refusal() : "";
+  // These have their own cause; others may have another in the reports of a host.
+  const bool is_explained = status.code == StatusCode::kCouplingUnstable ||
+                            status.code == StatusCode::kBadInput ||
+                            status.code == StatusCode::kInterrupted;
+  const std::string cause = is_explained || !host->has_host() ? "" : host->explain_refusal();
   const Status back = restore(step_start);
   step_loop->set_counters(counters);
   // Outputs after a refusal are the outputs before the step; that state was valid.

@@ -390,9 +390,8 @@ def main():
         " the relative error of the worst peak load, by communication step. `named` is"
         " `coupling.diagnosis`.",
         table,
-        "Wrong numbers in three scenes: what is stated over what is true, or how far the centre of"
-        " mass is from the position that is reported (0.1 m). The FMU identifies them. Errors as"
-        " above.",
+        "Wrong numbers in three scenes: what is stated over what is true. `centre` is a centre of"
+        " mass 0.1 m from the position that is reported. The FMU identifies them. Errors as above.",
         list_identified(),
     )
     write_page(options.output, "What hosts report of their vehicles", command, *blocks)
