@@ -141,7 +141,7 @@ def test_the_numbers_behind_data_of_another_engine_are_found():
 def count_inside(folder, repetitions):
     """Fit again and again with other noise; count how often each value is inside its interval."""
     inside, alarms = dict.fromkeys((K, C, "shift"), 0), 0
-    for seed in range(20):
+    for seed in range(repetitions):
         found = fit(write_rig(folder / "rig.csv", seed=100 + seed, clock=0.01 * seed))
         for name, value in ((K, STIFFNESS), (C, DAMPING)):
             low, high = found.summary["intervals"][name]

@@ -153,7 +153,7 @@ LOADS = {
 }
 STARTS = {  # mistakes of the first report, and words of the sentence
     "velocity unit": (lambda p, v, q, w: (p, 1000 * v, q, w), "0.001 m/s"),
-    "velocity missing": (lambda p, v, q, w: (p, 0 * v, q, w), "velocity is 0"),
+    "first velocity": (lambda p, v, q, w: (p, 0 * v, q, w), "from the start velocity by"),
     "position unit": (lambda p, v, q, w: (1000 * p, 1000 * v, q, w), "0.001 m"),
     "position axes": (lambda p, v, q, w: (np.roll(p, 1), np.roll(v, 1), q, w), "exchanged"),
     "first position": (lambda p, v, q, w: (p + np.array([0.3, 0, 0]), v, q, w), "0.3 m away"),

@@ -197,7 +197,6 @@ def write_hdf5(path):
 
 def write_packed(path):
     """As netCDF and MATLAB do: whole numbers with scale and blanks, units in arrays."""
-    h5py = pytest.importorskip("h5py")
     with h5py.File(path, "w") as file:
         file["time"], file["relative.axial"] = TIME, np.array([*AXIAL]) * 8.0 + 8
         file["capture.force[1]"] = np.array([0, 1500, -2, 4000], dtype="int16")
@@ -213,7 +212,6 @@ def write_record(path):
 
 
 def write_durations(path):
-    pyarrow = pytest.importorskip("pyarrow")
     from pyarrow import parquet
 
     times = pyarrow.array([int(4e9 * t) // 4 for t in TIME], type=pyarrow.duration("ns"))
@@ -221,7 +219,6 @@ def write_durations(path):
 
 
 def write_texts(path):
-    openpyxl = pytest.importorskip("openpyxl")
     book = openpyxl.Workbook()
     for row in [HEADS, *COMMA]:
         book.active.append(row)
@@ -364,6 +361,31 @@ def test_columns_have_rates_and_times_of_their_own(tmp_path):
     assert data.time == pytest.approx([0.0, 0.05, 0.1, 0.15, 0.25])
     np.testing.assert_array_equal(data["gap"], [1.0, np.nan, 2.0, np.nan, np.nan])
     np.testing.assert_array_equal(data["relative.axial"], [np.nan, 7.0, np.nan, 8.0, 9.0])
+
+
+@pytest.mark.parametrize(
+    ("text", "names", "units"),
+    [
+        ("time;gap;Leg, A\n0;1;3\n1;2;4\n", ["time", "gap", "Leg, A"], [None] * 3),
+        ("time;gap, mm;Leg, A\n0;1;3\n1;2;4\n", ["time", "gap, mm", "Leg, A"], [None] * 3),
+        ("# rig 3\n# t F\n0 1\n1 2\n", ["t", "F"], [None] * 2),
+        ("MDF force,time\n0,1\n1,2\n", ["MDF force", "time"], [None] * 2),
+    ],
+)
+def test_names_are_not_taken_for_units_or_for_kinds_of_files(tmp_path, text, names, units):
+    file = tmp_path / "rig.csv"
+    file.write_text(text)
+    columns = read_table(file).columns
+    assert [column.name for column in columns] == names
+    assert [column.unit for column in columns] == units
+
+
+def test_two_clocks_that_pass_midnight_are_refused(tmp_path):
+    file = tmp_path / "rig.csv"
+    file.write_text("time,time_2,gap\n23:59:59,00:00:00.5,1\n00:00:01,00:00:02,2\n")
+    table = read_table(file)
+    with pytest.raises(UsageError, match="pass midnight, and there are several: add dates"):
+        table.read_times(table.columns[:2])
 
 
 def test_a_clock_that_no_column_belongs_to_is_left_alone(tmp_path):

@@ -23,8 +23,7 @@ constexpr double kCreatedError = 0.3;        ///< the same, for a refusal
 constexpr int kLoadedSteps = 10;             ///< until identified numbers are a diagnosis
 constexpr double kModeTime = 2.0;            ///< with loads: until then a mode may show [s]
 constexpr double kCentreShare = 0.01;        ///< of the radius of gyration, for a wrong centre
-constexpr double kSeenInnovation = 1e-2;     ///< that a refusal mentions [m/s] ...
-constexpr double kSeenAngle = 1e-3;          ///< ... and of the first attitude [rad]
+constexpr double kSeenInnovation = 1e-2;     ///< that a refusal mentions [m/s]
 constexpr double kHeldGrowth = 0.1;          ///< growth per step that damping holds, a guess [-]
 
 /// Is a fault one of the ten numbers?
@@ -232,21 +231,23 @@ std::string HostCoupling::describe(int i, const HostFinding& found, double h) co
 }
 
 std::string HostCoupling::explain_refusal() const {
+  const std::string cause = "; a cause may be that ";
+  const bool is_first = !(state_.last_step > 0.0);
   for (int i : {kChaser, kTarget}) {
     if (!model_->driven[i]) continue;
-    const DrivenVehicle& v = state_.coupling.vehicle[i];
-    const std::string cause = "; a cause may be that ";
-    HostFinding found = v.finding;
+    HostFinding found = state_.coupling.vehicle[i].finding;
     const double first_angle = state_.coupling.reports[static_cast<size_t>(i)].first_angle;
-    const bool is_first = !(state_.last_step > 0.0);
-    if (found.fault == kHostRight && is_first && first_angle > kSeenAngle) {
+    if (found.fault == kHostRight && is_first && first_angle > kFirstAngle) {
       found = {kFirstAttitude, first_angle};
     }
     if (found.fault != kHostRight) return cause + describe(i, found, state_.last_step);
-    if (!(v.innovation > kSeenInnovation)) continue;
+  }
+  for (int i : {kChaser, kTarget}) {
+    const double innovation = state_.coupling.vehicle[i].innovation;
+    if (!model_->driven[i] || !(innovation > kSeenInnovation)) continue;
     char text[120];
     std::snprintf(text, sizeof text, "the last report of %s is %.3g m/s away from its prediction",
-                  get_vehicle_name(i), v.innovation);
+                  get_vehicle_name(i), innovation);
     return cause + text;
   }
   return {};

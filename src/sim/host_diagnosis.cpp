@@ -16,7 +16,6 @@ namespace {
 constexpr double kDegrees = 0.017453292519943295;  ///< [rad]
 
 // First report
-constexpr double kFirstAngle = 1e-3;     ///< from the start attitude [rad]
 constexpr double kFirstDistance = 1e-3;  ///< from the start position [m]
 constexpr double kSameShare = 0.05;      ///< of a vector, for an alternative that fits
 
@@ -29,7 +28,8 @@ constexpr double kReportRounding = 1e-15;  ///< of positions and attitudes
 constexpr int kFewErrors = 3;              ///< consecutive, for an alternative that fits
 constexpr int kManyErrors = 6;             ///< consecutive, without such an alternative
 constexpr double kHeldShare = 1e-12;       ///< of 1 m and the distance: motion that shows
-constexpr double kUnchangedTime = 1.0;     ///< of a report, beyond the stated delay [s]
+constexpr double kUnchangedTime = 1.0;     ///< of a first report, beyond the stated delay [s] ...
+constexpr double kStoppedTime = 10.0;      ///< ... and of a later one: hosts may have long steps
 constexpr double kExplained = 0.04;        ///< of the squares of errors, by an alternative
 constexpr double kNothing = 1e-6;          ///< of squares: no motion at all
 constexpr double kPointRank = 1e-6;        ///< of squares of turns: a part of a point that shows
@@ -51,6 +51,7 @@ constexpr double kLeastFelt = 0.1;      ///< of a predicted change; less counts 
 constexpr double kUnitFelt = 0.05;      ///< around 1000 or 1/1000, relative
 constexpr double kMostFelt = 10.0;      ///< of a predicted change; more has another cause
 constexpr double kMassConfirmed = 0.1;  ///< mismatch below which no step is too long [-]
+constexpr double kAbsurd = 1e3;         ///< inertia over that of a body of this mass and size
 constexpr double kUnmodelled = 1e-4;    ///< acceleration that counts [m/s2], and part of gravity
 constexpr double kSilent = 1e-7;        ///< acceleration that counts as no load [m/s2], [rad/s2]
 
@@ -429,13 +430,12 @@ HostFinding judge_first_report(const Inputs::Vehicle& report, const Inputs::Vehi
   const Vec3<double> faster = report.velocity - start.velocity;
   if (away.norm() < kFirstDistance) {
     if (faster.norm() < kFirstSpeed) return {};
-    if (report.velocity.isZero(0.0)) return {kVelocityMissing, start.velocity.norm()};
     for (double unit : kUnits) {
       if ((unit * report.velocity - start.velocity).norm() < 1e-3 * faster.norm()) {
         return {kVelocityUnit, unit};
       }
     }
-    return {};
+    return {kFirstVelocity, faster.norm()};
   }
   for (double unit : kUnits) {
     if ((unit * report.position - start.position).norm() < 1e-3 * away.norm()) {
@@ -452,9 +452,9 @@ HostFinding judge_motion(const ReportPair& pair, double keep, ReportSums& sums) 
   const double h = pair.h;
   const int steps = 1 + std::exchange(sums.unchanged, 0);
   const double least = kHeldShare * (1.0 + pair.begin.position.norm());
-  if (steps > 1 && h * pair.begin.velocity.norm() > least && ++sums.held_reports >= kFewErrors) {
-    return {kMotionHeld, steps * h};
-  }
+  const bool is_held = steps > 1 && h * pair.begin.velocity.norm() > least;
+  sums.held_reports = is_held ? sums.held_reports + 1 : 0;
+  if (sums.held_reports >= kFewErrors) return {kMotionHeld, steps * h};
   // Attitude and angular velocity.
   double error = 0.0, allowed = 0.0;
   for (size_t i = 0; i < std::size(kAttitudeReadings); ++i) {
@@ -534,10 +534,10 @@ HostFinding judge_motion(const ReportPair& pair, double keep, ReportSums& sums) 
 }
 
 HostFinding judge_unchanged(const ReportPair& pair, double delay, ReportSums& sums) {
-  const bool is_old =
-      ++sums.unchanged >= kManyErrors && sums.unchanged * pair.h > kUnchangedTime + delay;
-  return is_old && pair.speed > kMoveError ? HostFinding{kPositionConstant, pair.speed}
-                                           : HostFinding();
+  const double time = sums.velocity2 > 0.0 ? kStoppedTime : kUnchangedTime;
+  const bool is_old = ++sums.unchanged >= kManyErrors && sums.unchanged * pair.h > time + delay;
+  const double speed = pair.end.velocity.norm();
+  return is_old && speed > kMoveError ? HostFinding{kPositionConstant, speed} : HostFinding();
 }
 
 HostFinding judge_loads(const LoadStep& step, double keep, ReportSums& sums) {
@@ -560,10 +560,10 @@ HostFinding judge_loads(const LoadStep& step, double keep, ReportSums& sums) {
       sums.force, step.change, step.error, step.h, keep, has_force,
       std::array<Vec3<double>, 2>{accelerate(step.R * f), accelerate(step.R.transpose() * f)},
       [&](size_t i) { return accelerate(find_load(i).f); });
-  const double size = std::max(step.arm.norm(), 0.1);  // of a vehicle whose inertia may be wrong
-  const double least_inertia = std::min(step.inertia.trace() / 3.0, step.mass * size * size);
-  add_response(sums.torque, turned, step.turn_error, step.h, keep,
-               t.norm() > kSilent * least_inertia,
+  const double size = std::max(step.arm.norm(), 0.1), natural = step.mass * size * size;
+  const double stated = step.inertia.trace() / 3.0;
+  const double inertia = stated > kAbsurd * natural ? natural : stated;  // it may be in kg mm2
+  add_response(sums.torque, turned, step.turn_error, step.h, keep, t.norm() > kSilent * inertia,
                std::array<Vec3<double>, 3>{turn(step.R.transpose() * t), turn(step.R * t),
                                            turn(t + step.arm.cross(step.R.transpose() * f))},
                [&](size_t i) { return turn(find_load(i).t); });

@@ -21,7 +21,8 @@
 
 namespace dockloop {
 
-constexpr int kLateLoads = 24;  ///< longest delay that is recognised, in steps
+constexpr int kLateLoads = 24;        ///< longest delay that is recognised, in steps
+constexpr double kFirstAngle = 1e-3;  ///< from the start attitude: a mistake [rad]
 
 /// Values of `coupling.diagnosis`.
 enum HostFault {
@@ -74,7 +75,8 @@ enum HostFault {
   kForceAxes,
   kTorqueAxes,
   kMotionHeld,
-  kVelocityUnit
+  kVelocityUnit,
+  kFirstVelocity
 };
 /// The meanings include those of `coupling.diagnosis_value`.
 inline const ChoiceList kHostFaults = {
@@ -128,6 +130,7 @@ inline const ChoiceList kHostFaults = {
     {kTorqueAxes, "torque axes", "torque_mean acts with its axes exchanged or reversed"},
     {kMotionHeld, "motion held", "over several steps of the FMU; value: step of the host in s"},
     {kVelocityUnit, "velocity unit", "value: its unit in m/s"},
+    {kFirstVelocity, "first velocity", "not the start velocity; value in m/s"},
 };
 
 struct HostFinding {

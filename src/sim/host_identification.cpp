@@ -194,7 +194,7 @@ bool explains_reports(const MassEstimate& estimate) {
     }
     return true;
   };
-  return estimate.count > 5.0 && find_misfit2(estimate) < kExplained2 &&
+  return estimate.count > kUsedCount && find_misfit2(estimate) < kExplained2 &&
          is_plausible(0, 1, kMassShare) && is_plausible(4, 3, kMomentShare);
 }
 

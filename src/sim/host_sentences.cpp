@@ -134,6 +134,9 @@ const FaultText kTexts[] = {
      "$v reports a new motion only every $x s: make the communication step as long as the step of "
      "the host, or report the motion at each step"},
     {kVelocityUnit, "$v.velocity is in units of $x m/s: report m/s"},
+    {kFirstVelocity,
+     "$v.velocity of the first step differs from the start velocity by $x m/s: set the start "
+     "velocity, or report it in the first step"},
 };
 
 }  // namespace

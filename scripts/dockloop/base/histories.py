@@ -120,10 +120,15 @@ def parse_columns(
                 raise UsageError(f"{shown(text)}: is no TOML file ({error})") from None
             pairs += [(shown(text), name, value) for name, value in members.items()]
         else:
-            parts = re.findall(r"([^=]+)(?:=([^=,]*))?(?:,|$)", text) or [(text, "")]
+            # A name may have a comma: "x, y=relative.axial" is one column.
+            parts = re.findall(r"([^=]*)(?:=([^=,]*)(?:,|$)|$)", text)
+            known = "".join(f"{n}={v}," for n, v in parts if n or v).rstrip(",")
+            is_whole = known == text.rstrip(",")
             pairs += [
-                (f"{option} '{text}'", n.strip(), v if "=" in text else None) for n, v in parts
-            ]
+                (f"{option} '{text}'", n.strip(), v if is_whole else None)
+                for n, v in parts
+                if n or v
+            ] or [(f"{option} '{text}'", text, None)]
     found: dict[str, tuple[str, str]] = {}
     for place, name, value in pairs:
         if not isinstance(value, str) or not name:

@@ -26,7 +26,7 @@ from dockloop.base.errors import DockloopError, UsageError, did_you_mean
 from dockloop.base.number import is_number, read_number
 from dockloop.base.paths import read_bytes, shown
 from dockloop.base.progress import import_optional
-from dockloop.base.units import is_unit
+from dockloop.base.units import find_factor, is_unit
 
 FORM = {  # what can be stated of a table: meaning
     "sep": "between cells: one character, tab or space",
@@ -51,15 +51,16 @@ _GROUPED = {
 }
 _BETWEEN = r"['\u00a0\u2007\u2009\u2019\u202f]"  # thousands, beyond doubt
 _SPACED = re.compile(rf"[+-]?\d{{1,3}}(?:{_BETWEEN}\d{{3}})+(?:[.,]\d+)?")
+_FORTRAN = re.compile(r"[+-]?(?:\d+[.,]\d*|[.,]\d+)[dD][+-]?\d+|[+-]?\d+[dD][+-]\d+")  # no "3D2"
 _AMBIGUOUS = re.compile(r"[+-]?[1-9]\d{0,2}([.,])\d{3}")  # a group of thousands, or decimals
 _SAMPLE = 100  # lines that decide about delimiter and decimal sign
 _OTHERS: dict[bytes | tuple[bytes, ...], str] = {  # beginning of a file: what it is, what to do
     b"\xd0\xcf\x11\xe0": "an Excel file of before 2007: save it as .xlsx, without a password",
     (b"\x1f\x8b", b"BZh", b"7z\xbc", b"\xfd7zXZ", b"(\xb5/\xfd"): "compressed: unpack it",
     b"TDSm": "a TDMS file of LabVIEW: export the table as CSV or HDF5",
-    b"MDF ": "an MDF file: export the table as CSV or MAT",
+    b"MDF     ": "an MDF file: export the table as CSV or MAT",
     b"\x93NUMPY": "an array without names: write each column by numpy.savez",
-    (b"ARROW1", b"FEA1"): "an Arrow file: save it as Parquet",
+    (b"ARROW1", b"FEA1\0"): "an Arrow file: save it as Parquet",
     (b"<?xml", b"<html", b"<!DOCTYPE"): "XML or HTML: export the table as CSV",
     (b"{", b"[{", b"[["): "a JSON file: export the table as CSV",
     b"%PDF": "a PDF file: export the table as CSV",
@@ -153,6 +154,10 @@ class Table:
             raise UsageError(f"{self.place}: '{name}' has numbers, other times are dates: use one")
         moments = [self._read_moments(column) for column in columns]
         every = [moment for column in moments for moment in column if moment]
+        if len(columns) > 1 and any(not day and second >= 86400 for day, second, _ in every):
+            raise UsageError(
+                f"{self.place}: times of day pass midnight, and there are several: add dates"
+            )
         if len({zone for *_, zone in every}) > 1:
             raise UsageError(
                 f"{self.place}: some times have a time zone, others none: use one kind"
@@ -247,7 +252,9 @@ def find_number(text: str, decimal: str) -> float:
     Thousands may be grouped where this has one meaning only: ``1.234,5`` with a decimal comma,
     ``1'234`` with both. Fortran writes ``1D-3``, and some programs a minus of typography.
     """
-    text = re.sub(r"(?<=[\d.])[dD](?=[+-]?\d)", "e", text.strip().replace("\u2212", "-"))
+    text = text.strip().replace("\u2212", "-")
+    if _FORTRAN.fullmatch(text):
+        text = text.lower().replace("d", "e")
     if _SPACED.fullmatch(text):
         text = re.sub(_BETWEEN, "", text)
     if _GROUPED[decimal].fullmatch(text):
@@ -376,7 +383,10 @@ def from_frame(frame: Any, place: str) -> Table:
     names = [str(name) for name in frame.columns]
     lines = range(1, len(frame) + 1)
     cells = (frame.iloc[:, number].tolist() for number in range(len(names)))
-    columns = [_make_column(n, c, lines) for n, c in zip(names, cells, strict=True)]
+    has_commas = all(map(_has_comma_unit, names))
+    columns = [
+        _make_column(n, c, lines, has_commas=has_commas) for n, c in zip(names, cells, strict=True)
+    ]
     return Table(place, columns)
 
 
@@ -589,7 +599,7 @@ def _from_rows(
     units: list[Any] | None = None
     if of_units is not None:
         form["units"], units = rows[of_units]
-    elif above and above[-1][0] > name_line and _are_units(above[-1][1]):  # below the names
+    elif above and above[-1][0] > name_line and _have_time(above[-1][1]):  # below the names
         form["units"], units = above.pop()
     if head is not None:
         form["header"], names = rows[head]
@@ -607,13 +617,14 @@ def _from_rows(
         sign = " with a decimal comma" if form.get("decimal") == "," else ""
         raise UsageError(f"{place}: has no rows of values{sign} below its header")
     lines = [number for number, _ in rows[first:]]
+    has_commas = all(_has_comma_unit(str(name)) for name in names if name)
     columns = []
     for i, name in enumerate(names):
         heading = "" if name is None else str(name)
         cells = [row[i] for _, row in rows[first:]]
         if heading.strip() or not all(map(is_missing, cells)):
             unit = _strip(str(units[i] or "")) if units and i < len(units) else None
-            columns.append(_make_column(heading, cells, lines, unit))
+            columns.append(_make_column(heading, cells, lines, unit, has_commas=has_commas))
     return Table(place, columns, line, form)
 
 
@@ -665,17 +676,35 @@ def _are_units(cells: list[Any]) -> bool:
     return are_units and not all(_is_value(cell, ".") for cell in texts)
 
 
+def _have_time(cells: list[Any]) -> bool:
+    """Return whether cells are units, one of them of time: "t F" are names."""
+    return _are_units(cells) and any(find_factor(_strip(str(cell)), "s") for cell in cells)
+
+
 def _strip(unit: str) -> str:
     return unit.strip().strip("[]()")
 
 
+def _has_comma_unit(heading: str) -> bool:
+    found = _HEADING.fullmatch(" ".join(heading.split()))
+    return found is not None and found["comma"] is not None and is_unit(found["comma"])
+
+
 def _make_column(
-    heading: str, cells: Sequence[Any], lines: Sequence[int], unit: str | None = None
+    heading: str,
+    cells: Sequence[Any],
+    lines: Sequence[int],
+    unit: str | None = None,
+    *,
+    has_commas: bool = False,
 ) -> Column:
-    """Return a column; its heading may have unit and accuracy, ``gap [mm] +-0.5``."""
+    """Return a column; its heading may have unit and accuracy, ``gap [mm] +-0.5``.
+
+    Units behind a comma count if all headings have them: "Leg, A" is a name.
+    """
     heading = " ".join(heading.split())
     found = _HEADING.fullmatch(heading) if unit is None else None
-    if found and found["comma"] and not is_unit(found["comma"]):
+    if found and found["comma"] and not has_commas:
         found = None
     if found and found["name"] and not re.search(r"\S\[\d+\]\s*$", heading):
         unit = next(found[kind] for kind in _STATED if found[kind] is not None)

@@ -420,8 +420,9 @@ class Problem:
         found = []
         for k in self.list_trials():
             here = self.outcomes[self.make_case(x, k)]
+            at = self._slopes[k].x if k in self._slopes else x  # where differences were taken
             for j in self._find_own(k):
-                sides = self._list_sides(x, k, j)
+                sides = self._list_sides(at, k, j)
                 others = {self.outcomes.get(case, here) for case, _ in sides} - {here}
                 if others:
                     found.append(

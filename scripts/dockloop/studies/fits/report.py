@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 _MOST_PANELS = 12
 _STRONG = 0.9  # correlation that is said
-_BENT = 10.0  # deviation of a sample at a bend, over that of the noise
+_BENT, _JUMP = 3.0, 0.02  # a bend is an impact: over the noise, and part of the range of a channel
 _AT_BOUND, _ON_BOUND = 2e-3, 1e-4  # of the range: if uncertain by that, and in any case
 _DETERMINED = 0.9  # of the deviation of a guess: what a plan expects below is determined
 
@@ -195,9 +195,13 @@ def _find_rms(error: np.ndarray) -> float | None:
 
 
 def _has_impacts(series: Series) -> bool:
-    """Return whether a channel bends within a step of the run, by far more than its noise."""
+    """Return whether a channel jumps within a step of the run, by far more than its noise."""
     inside = series.sigma[np.isfinite(series.sigma)]
-    return len(inside) == 0 or bool(inside.max() > _BENT * inside.min())
+    if not len(inside):
+        return True
+    noise = inside.min()
+    bend = math.sqrt(noise * (inside.max() - noise))
+    return bend > max(_JUMP * series.extent, _BENT * noise)
 
 
 def _list_hidden(problem: Problem, found: Found) -> Iterator[str]:
