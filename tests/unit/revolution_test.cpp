@@ -492,19 +492,18 @@ TEST(Revolution, DerivativesAgreeWithDifferences) {
 
 TEST(Revolution, ExtendedAgrees) {
   Worst energy, force, gap;
-  visit_touching(
-      make_law(false), 427, 150,
-      [&](const ContactModel& model, const RelativeMotion<double>& x,
-          const ContactResult<double>& r, const ContactWorkspace<double>&, int i) {
-        const ContactResult<Extended> e = find_contact(model, cast_motion<Extended>(x));
-        energy.add(r.energy / to_double(e.energy) - 1, i);
-        gap.add(r.gap - to_double(e.gap), i);
-        const double size = r.on_passive.f.norm();  // 0 where surfaces part fast
-        for (int k = 0; k < 3; ++k) {
-          const double error = r.on_passive.f[k] - to_double(e.on_passive.f[k]);
-          force.add(size > 0.0 ? error / size : error, i);
-        }
-      });
+  visit_touching(make_law(false), 427, 150,
+                 [&](const ContactModel& model, const RelativeMotion<double>& x,
+                     const ContactResult<double>& r, const ContactWorkspace<double>&, int i) {
+                   const ContactResult<Extended> e = find_contact(model, cast_motion<Extended>(x));
+                   energy.add(r.energy / to_double(e.energy) - 1, i);
+                   gap.add(r.gap - to_double(e.gap), i);
+                   const double size = r.on_passive.f.norm();  // 0 where surfaces part fast
+                   for (int k = 0; k < 3; ++k) {
+                     const double error = r.on_passive.f[k] - to_double(e.on_passive.f[k]);
+                     force.add(size > 0.0 ? error / size : error, i);
+                   }
+                 });
   EXPECT_WORST_BELOW(gap, 4e-16);
   EXPECT_WORST_BELOW(energy, 6e-12);
   EXPECT_WORST_BELOW(force, 3e-12);
