@@ -17,6 +17,7 @@ constexpr double kDegrees = 0.017453292519943295;  ///< [rad]
 
 // First report
 constexpr double kFirstDistance = 1e-3;  ///< from the start position [m]
+constexpr double kFirstSpeed = 1e-3;     ///< from the start velocity [m/s]
 constexpr double kSameShare = 0.05;      ///< of a vector, for an alternative that fits
 
 // Motion: an error of the rate above all of these. Half of the change covers integrators of hosts.
@@ -201,12 +202,14 @@ class Search {
   /// The load acts with its axes exchanged or reversed. @param inertia  loads are mass or inertia
   /// times changes
   void consider_axes(int fault, const Mat3<double>& inertia) {
+    const double equal = kNothing * sums_.error2;  // as good as another cause that fits
+    if (!(equal < least_)) return;
     const Mat3<double> inverse = invert(inertia);
     for_each_other_axes([&](const Mat3<double>& axes) {
       const Mat3<double> more = inverse * (axes - Mat3<double>::Identity()) * inertia;
       const double left = sums_.error2 - 2.0 * more.cwiseProduct(sums_.axis_product).sum() +
                           (more * sums_.axis_change2).cwiseProduct(more).sum();
-      consider(std::max(left, kNothing * sums_.error2), fault);  // no better than an equal cause
+      consider(std::max(left, equal), fault);
     });
   }
   const HostFinding& found() const { return found_; }
@@ -291,8 +294,8 @@ HostFinding explain_torque(const LoadStep& step, const ResponseSums& r) {
 /// Loads of other steps, which act instead of those of the present one. Steps by which they act
 /// late; negative for early loads.
 struct LateLoads {
-  int nearer = 0, farther = 0;
-  double share = 1.0;  ///< of the step that the farther load acts
+  int nearer = 0, farther = 0;  ///< the same for a whole number of steps
+  double share = 1.0;           ///< of the step that the farther load acts
 };
 
 /// The loads of another step explain the responses, or those of two adjacent steps: the delay is no
@@ -312,7 +315,8 @@ std::optional<LateLoads> find_late_loads(const ResponseSums& r) {
     least = of_one;
     found = LateLoads{find_steps(i), find_steps(i)};
   }
-  for (int i = 0; i < count && !(found && found->share == 1.0); ++i) {
+  if (found) return found;
+  for (int i = 0; i < count; ++i) {
     const bool is_first = i % kLateLoads == 0;
     const LateSums& sums = r.late[static_cast<size_t>(i)];
     const double nearer2 = is_first ? r.error2 : r.late[static_cast<size_t>(i - 1)].left2;
@@ -404,44 +408,39 @@ HostFinding judge_first_report(const Inputs::Vehicle& report, const Inputs::Vehi
   HostFinding turned;
   double least = kSameShare * sums.first_angle;
   for (const AttitudeReading& as : kAttitudeReadings) {
-    const double angle = find_angle(start.attitude, read_attitude(as, report));
-    if (sums.first_angle > kFirstAngle && angle < least) {
+    if (!(sums.first_angle > kFirstAngle)) {
+      const Vec3<double> spin = report.angular_velocity - start.angular_velocity;
+      if (!(spin.norm() < 0.5 * start.angular_velocity.norm()) &&
+          is_close(read_spin(as, report), start.angular_velocity)) {
+        return {as.fault, 0.0};
+      }
+    } else if (const double angle = find_angle(start.attitude, read_attitude(as, report));
+               angle < least) {
       least = angle;
       turned.fault = as.fault;
     }
   }
   if (turned.fault != kHostRight) return turned;
-  for (const AttitudeReading& as : kAttitudeReadings) {
-    if (sums.first_angle > kFirstAngle) break;  // axes of N follow from the attitude
-    const Vec3<double> spin = report.angular_velocity - start.angular_velocity;
-    if (!(spin.norm() < 0.5 * start.angular_velocity.norm()) &&
-        is_close(read_spin(as, report), start.angular_velocity)) {
-      return {as.fault, 0.0};
-    }
-  }
   for (int reading : {kVelocityInBody, kVelocityTurned}) {
     if (!is_close(report.velocity, start.velocity) &&
         is_close(read_velocity(reading, report), start.velocity)) {
       return {reading, 0.0};
     }
   }
-  constexpr double kUnits[] = {1e-3, 1e-2, 0.3048, 1e3};  // mm, cm, ft, km
-  constexpr double kFirstSpeed = 1e-3;                    // [m/s]
-  const Vec3<double> faster = report.velocity - start.velocity;
+  const auto find_unit = [](const Vec3<double>& reported, const Vec3<double>& right) {
+    for (double unit : {1e-3, 1e-2, 0.3048, 1e3}) {  // mm, cm, ft, km
+      if ((unit * reported - right).norm() < 1e-3 * (reported - right).norm()) return unit;
+    }
+    return 0.0;
+  };
   if (away.norm() < kFirstDistance) {
-    if (faster.norm() < kFirstSpeed) return {};
-    for (double unit : kUnits) {
-      if ((unit * report.velocity - start.velocity).norm() < 1e-3 * faster.norm()) {
-        return {kVelocityUnit, unit};
-      }
-    }
-    return {kFirstVelocity, faster.norm()};
+    const double faster = (report.velocity - start.velocity).norm();
+    if (faster < kFirstSpeed) return {};
+    const double unit = find_unit(report.velocity, start.velocity);
+    return unit > 0.0 ? HostFinding{kVelocityUnit, unit} : HostFinding{kFirstVelocity, faster};
   }
-  for (double unit : kUnits) {
-    if ((unit * report.position - start.position).norm() < 1e-3 * away.norm()) {
-      return {kPositionUnit, unit};
-    }
-  }
+  const double unit = find_unit(report.position, start.position);
+  if (unit > 0.0) return {kPositionUnit, unit};
   const Vec3<double> arm = quat_to_matrix<double>(start.attitude) * interface_position;
   if (is_close(away, arm)) return {kInterfacePoint, arm.norm()};
   if (is_in_other_axes(report.position, start.position)) return {kPositionAxes, 0.0};
