@@ -248,12 +248,17 @@ def test_noise_that_is_larger_than_stated_is_noticed(tmp_path):
 # ------------------------------------------------------------------------- 4. sensors and tests
 
 
-def test_a_slow_sensor_is_known_by_its_corner(tmp_path):
+@pytest.mark.parametrize(
+    ("sense", "option", "number"),
+    [(filter_low, "filters", 1.5), (limit_rate, "rate_limits", 1500.0)],  # Hz, N/s
+)
+def test_a_slow_sensor_is_known_by_its_corner_or_its_rate(tmp_path, sense, option, number):
+    """The load rises by up to 6 kN/s after a jump to 900 N."""
     fine = np.arange(0.0, 5.0, 1e-4)
     axial, force = move(fine)
-    slow = np.interp(TIME, fine, filter_low(fine, force, 1.5))
+    slow = np.interp(TIME, fine, sense(fine, force, number))
     rig = write_rig(tmp_path / "rig.csv", histories=(np.interp(TIME, fine, axial), slow))
-    found = fit(rig, filters={"capture.compression": 1.5})
+    found = fit(rig, **{option: {"capture.compression": number}})
     assert_found(found, K, STIFFNESS)
     assert_found(found, C, DAMPING)
     assert not found.summary["hidden"]
@@ -266,19 +271,6 @@ def test_a_low_pass_of_a_ramp_lags_by_its_time_constant():
     lag = 1.0 / (2.0 * math.pi * 0.5)
     exact = time - lag * (1.0 - np.exp(-time / lag))
     assert slow == pytest.approx(exact, abs=1e-12)
-
-
-def test_a_sensor_that_lags_is_known_by_its_rate(tmp_path):
-    """The load rises by up to 6 kN/s after a jump to 900 N; the sensor follows 1.5 kN/s."""
-    fine = np.arange(0.0, 5.0, 1e-4)
-    axial, force = move(fine)
-    lagging = np.interp(TIME, fine, limit_rate(fine, force, 1500.0))
-    rig = write_rig(tmp_path / "rig.csv", histories=(np.interp(TIME, fine, axial), lagging))
-    found = fit(rig, rate_limits={"capture.compression": 1500.0})
-    assert_found(found, K, STIFFNESS)
-    assert_found(found, C, DAMPING)
-    assert not found.summary["hidden"]
-    assert fit(rig).summary["hidden"]
 
 
 def test_a_limited_rate_lags_and_catches_up():

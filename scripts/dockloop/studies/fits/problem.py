@@ -100,6 +100,7 @@ class Series:
         sigma: standard deviations of the samples; infinite: it does not count.
         extent: largest less smallest value.
         unknowns: which entries of the vector are its ``shift``, ``offset`` and ``scale``.
+        bend: the largest within a step of the run, of the samples inside; as `values`.
     """
 
     trial: int
@@ -110,6 +111,7 @@ class Series:
     sigma: np.ndarray
     extent: float
     unknowns: dict[str, int]
+    bend: float = 0.0
 
 
 @dataclass
@@ -537,6 +539,7 @@ class Problem:
             for series, _, bend, inside in entries:
                 sigma = found[name] if series.noise is None else series.noise
                 series.sigma = np.where(inside, sigma + bend**2 / sigma, np.inf)
+                series.bend = float(bend[inside].max(initial=0.0))
         return found
 
 

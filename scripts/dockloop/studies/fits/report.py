@@ -196,12 +196,7 @@ def _find_rms(error: np.ndarray) -> float | None:
 
 def _has_impacts(series: Series) -> bool:
     """Return whether a channel jumps within a step of the run, by far more than its noise."""
-    inside = series.sigma[np.isfinite(series.sigma)]
-    if not len(inside):
-        return True
-    noise = inside.min()
-    bend = math.sqrt(noise * (inside.max() - noise))
-    return bend > max(_JUMP * series.extent, _BENT * noise)
+    return series.bend > max(_JUMP * series.extent, _BENT * float(series.sigma.min()))
 
 
 def _list_hidden(problem: Problem, found: Found) -> Iterator[str]:
