@@ -9,6 +9,7 @@ import os
 import re
 import reprlib
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import UnionType
@@ -70,6 +71,11 @@ class UsageError(DockloopError):
     """Bad usage or a bad file: the text names the file, the member and the limit."""
 
     exit_status = 2
+
+
+def find_twice(names: Sequence[str]) -> str | None:
+    """Return the first name that stands twice; None: all are different."""
+    return next((name for name, count in Counter(names).items() if count > 1), None)
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

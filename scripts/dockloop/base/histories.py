@@ -121,14 +121,9 @@ def parse_columns(
             pairs += [(shown(text), name, value) for name, value in members.items()]
         else:
             # A name may have a comma: "x, y=relative.axial" is one column.
-            parts = re.findall(r"([^=]*)(?:=([^=,]*)(?:,|$)|$)", text)
-            known = "".join(f"{n}={v}," for n, v in parts if n or v).rstrip(",")
-            is_whole = known == text.rstrip(",")
-            pairs += [
-                (f"{option} '{text}'", n.strip(), v if is_whole else None)
-                for n, v in parts
-                if n or v
-            ] or [(f"{option} '{text}'", text, None)]
+            is_map = re.fullmatch(r"(?:[^=]+=[^=,]*(?:,|$))+", text)
+            parts = re.findall(r"([^=]+)=([^=,]*)(?:,|$)", text) if is_map else [(text, None)]
+            pairs += [(f"{option} '{text}'", name.strip(), value) for name, value in parts]
     found: dict[str, tuple[str, str]] = {}
     for place, name, value in pairs:
         if not isinstance(value, str) or not name:

@@ -3,7 +3,7 @@
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-from dockloop.base.errors import UsageError, did_you_mean
+from dockloop.base.errors import UsageError, did_you_mean, find_twice
 from dockloop.base.number import read_number
 from dockloop.base.paths import check_file, shown
 from dockloop.base.units import find_factor
@@ -34,9 +34,8 @@ def read_ssv(path: Path, fmu: Path) -> list[str]:
     if root.tag != f"{SSV}ParameterSet":
         raise UsageError(f"{place}: must be an SSV file, begins with <{root.tag}>")
     parameters = [(node.get("name", ""), node) for node in root.iter(f"{SSV}Parameter")]
-    names = [name for name, _ in parameters]
-    twice = next((name for i, name in enumerate(names) if name in names[:i]), None)
-    if twice is not None or not names:
+    twice = find_twice([name for name, _ in parameters])
+    if twice is not None or not parameters:
         wrong = f"has no parameters of {SSV[1:-1]}" if twice is None else f"has '{twice}' twice"
         raise UsageError(f"{place}: {wrong}")
     return [_read(place, name, parameter, variables) for name, parameter in parameters]

@@ -21,7 +21,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from dockloop.base.errors import UsageError, did_you_mean
+from dockloop.base.errors import UsageError, did_you_mean, find_twice
 from dockloop.base.files import read_entry
 from dockloop.base.paths import check_file, shown
 from dockloop.base.units import find_factor
@@ -236,9 +236,8 @@ def read_row(place: str, member: str, row: Any) -> list[str]:
         row = _count(row, count) if "*" in row else [row]
     if not isinstance(row, list) or not all(isinstance(name, str) for name in row):
         raise UsageError(f"{place} is {row!r}: must be a name with *, or a list of names")
-    twice = [name for i, name in enumerate(row) if name in row[:i]]
-    if twice:
-        raise UsageError(f"{place} has '{twice[0]}' twice")
+    if (twice := find_twice(row)) is not None:
+        raise UsageError(f"{place} has '{twice}' twice")
     if len(row) != count:
         raise UsageError(f"{place} has {len(row)} names: must have {count}, or one name with *")
     return row

@@ -8,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 from fmpy.fmi1 import FMICallException
 
-from dockloop.base.errors import DockloopError, UsageError, did_you_mean
+from dockloop.base.errors import DockloopError, UsageError, did_you_mean, find_twice
 from dockloop.base.paths import shown
 from dockloop.base.tables import Column, Table, read_table
 from dockloop.fmu import vehicle_fmu
@@ -148,8 +148,7 @@ def read_log(path: Path, names: Path | None = None) -> ReportLog:
             f"{table.place}: has no column 'time'{near}: the header must have names, for example"
             " time,chaser.position[1]"
         )
-    if len(set(headings)) < len(headings):
-        twice = next(name for name in headings if headings.count(name) > 1)
+    if (twice := find_twice(headings)) is not None:
         raise UsageError(f"{table.place}: has two columns '{twice}'")
     if len(table.columns[0].cells) < 2:
         raise UsageError(f"{table.place}: needs at least two rows of values")
