@@ -242,9 +242,11 @@ Status calc_contact(const ContactModel& model, const ContactMemory& memory,
                     const RelativeMotion<S>& motion, const S* z, S* z_dot,
                     ContactWorkspace<S>& work, ContactResult<S>& out);
 
-/// Smallest sqrt(V) - rounding over all pairs [m], negative in contact; exact.
+/// Smallest sqrt(V) - rounding over all pairs [m], negative in contact; exact. Its neighbour list
+/// leaves out pairs that cannot be the closest; an empty memory leaves out none.
 template <class S>
-S find_gap(const ContactModel& model, const RelativeMotion<S>& motion, ContactWorkspace<S>& work);
+S find_gap(const ContactModel& model, const ContactMemory& memory, const RelativeMotion<S>& motion,
+           ContactWorkspace<S>& work);
 
 /// Call at accepted steps only. Opened pairs lose their bristle.
 /// @pre calc_contact() at this motion, with this workspace

@@ -632,13 +632,26 @@ Status calc_contact(const ContactModel& model, const ContactMemory& memory,
 }
 
 template <class S>
-S find_gap(const ContactModel& model, const RelativeMotion<S>& motion, ContactWorkspace<S>& work) {
+S find_gap(const ContactModel& model, const ContactMemory& memory, const RelativeMotion<S>& motion,
+           ContactWorkspace<S>& work) {
   if (model.kind == ContactModel::Kind::kAbsorber) return motion.p[0];
   forget_plates(work);
   S gap = S(kNoGap);
-  for (const ContactPair& pair : model.pairs) {
+  const auto look_at = [&](int i) {
     Place<S> c;
-    gap = std::min<S>(gap, find_pair<S>(model, pair, motion, work, gap, c));
+    gap = std::min<S>(gap, find_pair<S>(model, model.pairs[i], motion, work, gap, c));
+  };
+  const bool listed = memory.has_reference;
+  const S from_all = listed ? find_displacement<S>(model, memory.all, motion) : S(0);
+  if (listed) {  // the closest pair is one of those that were near, as a rule
+    const S from_close = find_displacement<S>(model, memory.close, motion);
+    for (size_t k = 0; k < memory.near.size(); ++k) {
+      if (S(memory.near_gap[k]) - from_close < gap) look_at(memory.near[k]);
+    }
+    if (!(S(memory.radius) - from_all < gap)) return gap;
+  }
+  for (int i = 0; i < model.pair_count(); ++i) {
+    if (!listed || S(memory.gap[i]) - from_all < gap) look_at(i);
   }
   return gap;
 }
@@ -648,7 +661,8 @@ S find_gap(const ContactModel& model, const RelativeMotion<S>& motion, ContactWo
   template Status calc_contact<S>(const ContactModel&, const ContactMemory&,                    \
                                   const RelativeMotion<S>&, const S*, S*, ContactWorkspace<S>&, \
                                   ContactResult<S>&);                                           \
-  template S find_gap<S>(const ContactModel&, const RelativeMotion<S>&, ContactWorkspace<S>&);
+  template S find_gap<S>(const ContactModel&, const ContactMemory&, const RelativeMotion<S>&,   \
+                         ContactWorkspace<S>&);
 
 DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)
 #undef DOCK_INSTANTIATE

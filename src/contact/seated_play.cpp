@@ -29,7 +29,7 @@ class SeatedRings {
 
   double find_gap_at(double y, double z, double roll) {
     place(y, z, roll);
-    return find_gap<double>(model_, motion_, work_);
+    return find_gap<double>(model_, {}, motion_, work_);
   }
 
   /// Free roll from the centre, in the direction `sign` [rad].

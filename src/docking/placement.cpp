@@ -24,7 +24,7 @@ double find_touching_distance(const Scene& scene, const Mat3<double>& R_AP,
     RelativeMotion<double> relative;
     relative.R = G_in_A.R.transpose() * R_AP;
     relative.p = G_in_A.R.transpose() * (Vec3<double>(x, lateral.y(), lateral.z()) - G_in_A.p);
-    const double gap = find_gap(scene.contact, relative, work);
+    const double gap = find_gap(scene.contact, {}, relative, work);
     if (gap <= kTouching) return x;
     x -= gap;
   }
@@ -46,7 +46,7 @@ double find_start_gap(const Scene& scene, const Placement& placement, const Pose
   relative.R = G_to_P.R;
   relative.p = G_to_P.p;
   ContactWorkspace<double> work(scene.contact);
-  return find_gap(scene.contact, relative, work);
+  return find_gap(scene.contact, {}, relative, work);
 }
 
 /// Motion of a rigid body without loads.

@@ -242,7 +242,7 @@ Status DockingSim::Impl::look_ahead(double h, CouplingPoint& now, CouplingPoint&
 double DockingSim::Impl::find_contact_time() const {
   if (discrete.contacted || !has_surfaces()) return kNever;
   return find_earliest_contact(
-      find_gap(model->contact, present().relative, present().contact_work));
+      find_gap(model->contact, memory, present().relative, present().contact_work));
 }
 
 /// A host that changes its step to the suggested step follows suggestions. The suggestion depends

@@ -218,14 +218,9 @@ bool fits(const RunAhead& ahead, const Snapshot& all, const DockingModel& model)
   if (ahead.loads.command.size() != commands || ahead.mean_known.command.size() != commands) {
     return false;
   }
-  if (ahead.is_mean_due && !ahead.is_begin_known &&
-      (ahead.y_before.size() != all.y.size() || !are_branches(ahead.pose_before) ||
-       !have_same_shape(ahead.pose_before, all.reference))) {
-    return false;
-  }
   if (!ahead.pending) return ahead.reached == 0.0;
-  return ahead.y_before.size() == all.y.size() && ahead.reached >= ahead.begin &&
-         ahead.size >= 0.0 && ahead.last_error > 0.0 && are_modes(ahead.context.discrete) &&
+  return ahead.reached >= ahead.begin && ahead.size >= 0.0 && ahead.last_error > 0.0 &&
+         are_modes(ahead.context.discrete) &&
          fits(ahead.context.discrete, ahead.context.discrete.sequence.command, model) &&
          fits(ahead.context.memory, model.contact) && are_branches(ahead.context.reference) &&
          have_same_shape(ahead.context.reference, all.reference) &&

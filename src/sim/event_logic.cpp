@@ -285,7 +285,7 @@ double EventLogic::find_near_gap(DockingData<double>& at) const {
   const double gap = at.contact.gap;
   const bool is_far = gap > model_->phase_limits.rebound_gap;
   if (!has_surfaces() || discrete_.captured || gap < 0.0 || is_far) return gap;
-  return find_gap(model_->contact, at.relative, at.contact_work);
+  return find_gap(model_->contact, memory_, at.relative, at.contact_work);
 }
 
 PhaseInputs EventLogic::find_phase_inputs(const DockingData<double>& at, double gap) const {
@@ -333,7 +333,7 @@ double EventLogic::find_free_gap(DockingData<double>& at, double exact_below) co
   if (!model_->present[kTarget]) return kNoGap;
   double gap = at.contact.gap;  // a cheap bound
   if (gap <= exact_below && has_surfaces()) {
-    gap = find_gap(model_->contact, at.relative, at.contact_work);
+    gap = find_gap(model_->contact, memory_, at.relative, at.contact_work);
   }
   if (!model_->hard_dock.empty()) {
     gap = std::min(gap, find_free_opening(model_->hard_dock, discrete_.hard_dock, at.across));

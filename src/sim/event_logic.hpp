@@ -27,7 +27,7 @@ class EventLogic {
  public:
   /// Keeps references to all three.
   EventLogic(const DockingModel& model, DiscreteState& discrete, ContactMemory& memory)
-      : model_(&model), discrete_(discrete), memory_(memory), sequence_(model, discrete) {}
+      : model_(&model), discrete_(discrete), memory_(memory), sequence_(model, discrete, memory) {}
   /// The same events in a changed copy of the model.
   void use_model(const DockingModel& model) {
     model_ = &model;

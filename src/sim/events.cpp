@@ -113,8 +113,6 @@ Status DockingSim::Impl::update_coordinates(double tau, bool& changed) {
   std::optional<Coordinates> better =
       find_better_coordinates(model->mechanism, present().mechanism);
   if (!better) return {};
-  const Status status = calc_begin_point(ahead.reached);
-  if (!status.ok()) return status;
   const VecX<double> q = present().mechanism.tree.q, v = present().mechanism.tree.v;
   use_coordinates(std::make_shared<const Coordinates>(std::move(*better)));
   TreeData<double>& tree = present().mechanism.tree;

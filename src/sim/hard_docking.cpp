@@ -66,8 +66,6 @@ Status DockingSim::Impl::update_joint(double tau) {
 /// Chaser, mechanism and target become one body in their present relative pose. Momenta stay; the
 /// kinetic energy of relative motion is dissipated.
 Status DockingSim::Impl::join_rigidly(double tau) {
-  Status status = calc_begin_point(ahead.reached);
-  if (!status.ok()) return status;
   if (find_joint_obstacle()) return {StatusCode::kCannotJoin, -1, 0.0, elapsed + tau};
   const double before = find_kinetic_energy(*model, present());
   const FrameMotion<double>&chaser = present().vehicle[kChaser],
@@ -78,7 +76,7 @@ Status DockingSim::Impl::join_rigidly(double tau) {
   double* y = step_loop->y();
   std::fill_n(y + model->layout.mechanism_v, model->layout.mechanism_nv, 0.0);
   quiescent_mode->restore(y);
-  status = evaluate(tau);
+  Status status = evaluate(tau);
   if (!status.ok()) return status;
   put_joined_target();
   status = evaluate(tau);
@@ -88,8 +86,6 @@ Status DockingSim::Impl::join_rigidly(double tau) {
 
 /// All bodies keep the common motion.
 Status DockingSim::Impl::release_joint(double tau) {
-  const Status status = calc_begin_point(ahead.reached);
-  if (!status.ok()) return status;
   put_joined_target();
   discrete.hard_dock.joint = RigidJoint();
   quiescent.on = false;

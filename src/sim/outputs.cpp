@@ -48,8 +48,8 @@ Status DockingSim::Impl::update(OutputGroup group) {
 
 Status DockingSim::Impl::update_main() {
   read_inputs();
-  Status status = calc_due_mean_loads();
-  if (status.ok()) status = evaluate_present();
+  update_due_mean_loads();
+  const Status status = evaluate_present();
   if (!status.ok()) return status;
   read_outputs<double>(find_source(), outputs);
   outputs.time = setup->t_start + find_point_time();

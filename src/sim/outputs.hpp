@@ -18,6 +18,7 @@ struct OutputSource {
   const std::vector<int>& state_bodies;  ///< joints of state.*
   DockingData<S>& data;                  ///< after calc_docking; cut forces are written into it
   const S* y;                            ///< the state that it was evaluated at
+  const ContactMemory& memory;           ///< of the last accepted state
   Vec3<double> frame_origin;             ///< O in N at the start [m]
   Vec3<S> frame_velocity, frame_shift;   ///< of O in N [m/s], [m]
   bool has_mean;                         ///< a step has been made

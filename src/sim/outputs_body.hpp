@@ -150,7 +150,7 @@ void read_contact(const OutputSource<S>& from, OutputValues<S>& out) {
   DockingData<S>& data = from.data;
   out.gap = S(kNoGap);
   if (model.present[kTarget] && !model.contact.empty()) {
-    out.gap = find_gap(model.contact, data.relative, data.contact_work);
+    out.gap = find_gap(model.contact, from.memory, data.relative, data.contact_work);
     const auto read = [&](auto& force) {  // one of the two is empty
       for (size_t i = 0; i < force.size(); ++i) force[i] = data.contact.surface_force[i].norm();
     };

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "math/dock_assert.hpp"
+#include "sim/host_coupling.hpp"
 #include "sim/step_loop.hpp"
 
 namespace dockloop {
@@ -37,12 +38,11 @@ void StepLoop::note_inputs(bool goes_on) {
 
 bool StepLoop::stride(double late, double h) {
   DOCK_ASSERT(is_pending() && covers(late, h));
+  const CouplingPoint begin = ahead_.end_point;
   if (!show_point(ahead_.reached + late + h)) return false;
+  ahead_.begin_point = begin;
   note_inputs(true);
   ahead_.reached += late;
-  ahead_.y_before.swap(y_polynomial_);
-  ahead_.is_begin_known = false;
-  ahead_.pose_before = present().mechanism.loops.reference;
   return true;
 }
 
@@ -85,17 +85,14 @@ void StepLoop::start_ahead() {
 /// May the state at t inside the step just made be read? Stiff forces (bristles in explicit steps,
 /// contact and drives at loose tolerances) settle faster than a long step, whose polynomial then
 /// swings: energy inside it is not that at its ends. @pre evaluation at the end, inner_.energy
-/// @post if so, t is the communication point: y_inside_, y_shown_, the trial state; y_polynomial_
-/// is the last y_inside_
+/// @post if so, t is the communication point: y_inside_, y_shown_, the trial state, end_point
 bool StepLoop::show_point(double t) {
   hide_point();
-  if (!stepper_->interpolate(t, y_polynomial_.data()) || !balance(t, y_polynomial_).ok()) {
-    return false;
-  }
+  if (!stepper_->interpolate(t, y_inside_.data()) || !balance(t).ok()) return false;
   if (!evaluator_.aside(t, y_shown_.data(), nullptr).ok()) return false;
   const EnergyBalance found = balances_.find_energy(*model_, evaluator_.trial(), y_shown_.data());
   if (!balances_.is_good_inside(found, inner_.energy)) return false;
-  y_inside_.swap(y_polynomial_);
+  ahead_.end_point = find_coupling_point(*model_, evaluator_.trial(), y_shown_.data());
   evaluator_.keep_trial();
   is_shown_ = true;
   return true;
@@ -171,21 +168,21 @@ Status StepLoop::settle() {
 /// implicit steps are long where forces are stiff: where the rates differ from the slope of
 /// the polynomial, these forces are not in balance. One linearly implicit step of no length, with
 /// the matrix of the step just made, restores the balance and keeps momentum. @post y_shown_
-Status StepLoop::balance(double t, const std::vector<double>& y_polynomial) {
-  y_shown_ = y_polynomial;
+Status StepLoop::balance(double t) {
+  y_shown_ = y_inside_;
   if (!method_.has_matrix() || !stepper_->find_slope(t, slope_.data())) return {};
-  const Status status = evaluator_.aside(t, y_polynomial.data(), scratch_.data());
+  const Status status = evaluator_.aside(t, y_inside_.data(), scratch_.data());
   if (!status.ok()) return status;
   for (size_t i = 0; i < scratch_.size(); ++i) scratch_[i] -= slope_[i];
   evaluator_.matrix().solve(scratch_.data());
-  for (size_t i = 0; i < scratch_.size(); ++i) y_shown_[i] = y_polynomial[i] + scratch_[i];
+  for (size_t i = 0; i < scratch_.size(); ++i) y_shown_[i] += scratch_[i];
   return {};
 }
 
 Status StepLoop::balance_point() {
   if (is_balanced()) return {};
   if (method_.has_matrix()) loads_.hold(ahead_.loads);
-  const Status status = balance(ahead_.reached, y_inside_);
+  const Status status = balance(ahead_.reached);
   is_shown_ = status.ok();
   return status;
 }

@@ -44,7 +44,7 @@ double SequenceLogic::find_quantity(const Condition& part, DockingData<double>& 
       const double bound = std::isfinite(part.low) ? part.low : part.high;
       const bool is_sure = at.contact.gap < 0.0 || at.contact.gap > bound + kExactGap;
       if (is_sure || model_->contact.empty()) return at.contact.gap;
-      return find_gap(model_->contact, at.relative, at.contact_work);
+      return find_gap(model_->contact, memory_, at.relative, at.contact_work);
     }
     case Measured::kRelativePosition:
       return relative().p[part.index];

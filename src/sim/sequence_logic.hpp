@@ -37,9 +37,9 @@ struct Occasion {
 
 class SequenceLogic {
  public:
-  /// Keeps references to both.
-  SequenceLogic(const DockingModel& model, DiscreteState& discrete)
-      : model_(&model), discrete_(discrete), state_(discrete.sequence) {}
+  /// Keeps references to all.
+  SequenceLogic(const DockingModel& model, DiscreteState& discrete, const ContactMemory& memory)
+      : model_(&model), discrete_(discrete), memory_(memory), state_(discrete.sequence) {}
   void use_model(const DockingModel& model) { model_ = &model; }
 
   bool exists() const { return !model_->sequence.empty(); }
@@ -121,6 +121,7 @@ class SequenceLogic {
 
   const DockingModel* model_;
   DiscreteState& discrete_;
+  const ContactMemory& memory_;
   SequenceState& state_;
 };
 

@@ -115,9 +115,7 @@ struct DockingSim::Impl : SimState {
                          const Loads& known);
   Status settle();
   void settle_for_parameters();
-  Status calc_due_mean_loads();
-  Status calc_begin_point(double tau);
-  Status calc_coupling_point(double tau, const double* y, CouplingPoint& point);
+  void update_due_mean_loads();
   Status balance_point();
   Status evaluate_point(bool may_lock = true);
   /// The communication point [s since start]
@@ -220,6 +218,7 @@ struct DockingSim::Impl : SimState {
             state_bodies,
             at,
             y,
+            memory,
             frame_origin,
             velocity,
             shift,

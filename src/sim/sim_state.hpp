@@ -87,13 +87,10 @@ struct RunAhead {
   int changes = 0;            ///< bits: did a host change inputs at the last four points?
   bool is_retuned = false;    ///< parameters were changed since the last point
 
-  // Mean loads are computed when they are read: they need evaluations at both points.
+  // Mean loads are computed when they are read.
   bool is_mean_due = false;
-  bool is_begin_known = true;         ///< the motion at the last communication point but one
-  CouplingPoint begin_point;          ///< this motion; else it follows from:
-  std::vector<double> y_before;       ///< the state there
-  LoopReference<double> pose_before;  ///< the accepted configuration there
-  Loads mean_known;                   ///< mean known loads since then
+  CouplingPoint begin_point, end_point;  ///< where the last communication step began and ended
+  Loads mean_known;                      ///< mean known loads over it
 };
 
 struct SimState {

@@ -464,7 +464,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
     }
     update_contact_memory(model->contact, present().relative, bristles(), present().contact_work,
                           memory);
-    const double gap = find_gap(model->contact, present().relative, present().contact_work);
+    const double gap = find_gap(model->contact, memory, present().relative, present().contact_work);
     if (!decide_absorber().ok()) throw ModelError("start state cannot be evaluated");
     // A start in contact, or in the window of a latch, counts as first contact at the start.
     if (gap <= kTouching) events->begin_contact(0.0);

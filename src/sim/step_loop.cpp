@@ -43,7 +43,6 @@ StepLoop::StepLoop(const DockingModel& model, const RunMethod& method, const Par
       y_accepted_(static_cast<size_t>(model.layout.size), 0.0),
       y_inside_(y_accepted_),
       y_shown_(y_accepted_),
-      y_polynomial_(y_accepted_),
       scratch_(y_accepted_),
       slope_(y_accepted_) {
   Stepper::Problem problem = make_problem();
@@ -59,19 +58,13 @@ void StepLoop::start() {
   ahead_.loads = ahead_.mean_known = loads_.at_start();
   if (!method_.runs_ahead) return;
   ahead_.jacobian = kept_;
-  ahead_.y_before = y_accepted_;
   reserve(ahead_.context.memory, static_cast<size_t>(model_->contact.pair_count()));
   keep_context();
-  ahead_.pose_before = accepted_pose_ = ahead_.context.reference;
 }
 
 Status StepLoop::advance(double h, std::int64_t limit, bool was_pending) {
   DOCK_ASSERT(h > 0.0);
-  if (was_pending) {  // what the host has read at this point
-    ahead_.y_before = y_inside_;
-    ahead_.pose_before = present().mechanism.loops.reference;
-    ahead_.is_begin_known = false;
-  }
+  if (was_pending) ahead_.begin_point = ahead_.end_point;
   const Status status = method_.is_fixed_step()
                             ? integrate_fixed(h, limit)
                             : integrate(ahead_.begin, ahead_.reached + h, may_pass(), limit);

@@ -141,8 +141,7 @@ class StepLoop {
   /// Make the pending step again after its start was restored, with the same bits.
   /// @pre is_pending(); the counters have no meaning
   Status remake_pending();
-  /// The state at the communication point: as interpolated, and as it is read.
-  const double* interpolated_y() const { return is_pending() ? y_inside_.data() : y(); }
+  /// The state at the communication point.
   const double* point_y() const { return is_pending() ? y_shown_.data() : y(); }
   /// Is point_y() known?
   bool is_balanced() const { return is_shown_ || !is_pending(); }
@@ -212,7 +211,7 @@ class StepLoop {
   Status begin_ahead(double tau, double h, bool is_evaluated);
   void start_ahead();
   bool show_point(double t);
-  Status balance(double t, const std::vector<double>& y_polynomial);
+  Status balance(double t);
   Status stay_pending(double point);
   void hide_point();
 
@@ -241,7 +240,6 @@ class StepLoop {
   std::vector<double> y_accepted_;
   /// At a communication point inside a pending step: interpolated, and as it is read.
   std::vector<double> y_inside_, y_shown_;
-  std::vector<double> y_polynomial_;     ///< where it is about to be
   bool is_shown_ = false;                ///< y_shown_ is valid
   LoopReference<double> accepted_pose_;  ///< while a pending step is made again
   std::vector<double> scratch_, slope_;  ///< size of y

@@ -194,7 +194,6 @@ Status DockingSim::Impl::begin_step(double h) {
   if (status.ok()) status = update_command();
   if (status.ok()) status = update_hard_dock_command();
   ahead.begin_point = find_coupling_point(*model, present(), step_loop->y());
-  ahead.is_begin_known = true;
   drift = 0.0;
   if (status.ok()) step_loop->begin(h);
   return status;
@@ -213,13 +212,15 @@ Status DockingSim::Impl::finish_step(double h, bool was_pending) {
   ++points;
   invalidate();
   put_joined_target();
+  const CouplingPoint& begin = ahead.begin_point;
+  CouplingPoint& end = ahead.end_point;
+  if (!ahead.pending) end = find_coupling_point(*model, present(), step_loop->y());
   ahead.is_mean_due = was_pending || ahead.pending;
   if (ahead.is_mean_due) {
     ahead.mean_known = find_mean_loads(from, h);
   } else {
-    const CouplingPoint end = find_coupling_point(*model, present(), step_loop->y());
-    update_mean_loads(h, ahead.begin_point, end, find_mean_loads(from, h));
-    if (host->has_host()) host->update_impulse_balance(h, ahead.begin_point, end, step_loop->y());
+    update_mean_loads(h, begin, end, find_mean_loads(from, h));
+    if (host->has_host()) host->update_impulse_balance(h, begin, end, step_loop->y());
   }
   if (!ahead.pending) balances->update_momentum(*model, present(), step_loop->y());
   if (host->steps_first()) {
@@ -274,38 +275,11 @@ void DockingSim::Impl::settle_for_parameters() {
   throw ModelError("parameters cannot be changed here: " + reason);
 }
 
-/// Mean loads since the last communication point, if they have not been computed yet.
-Status DockingSim::Impl::calc_due_mean_loads() {
-  if (!ahead.is_mean_due) return {};
-  CouplingPoint end;
-  Status status = calc_begin_point(ahead.reached - last_step);
-  if (status.ok()) status = calc_coupling_point(ahead.reached, step_loop->interpolated_y(), end);
-  if (!status.ok()) return status;
-  update_mean_loads(last_step, ahead.begin_point, end, ahead.mean_known);
+/// Mean loads over the last communication step, if they have not been computed yet.
+void DockingSim::Impl::update_due_mean_loads() {
+  if (!ahead.is_mean_due) return;
+  update_mean_loads(last_step, ahead.begin_point, ahead.end_point, ahead.mean_known);
   ahead.is_mean_due = false;
-  return {};
-}
-
-/// The motion where a communication step began, at tau. After a change of the model (other
-/// independent coordinates, a rigid joint) it cannot be found any more.
-Status DockingSim::Impl::calc_begin_point(double tau) {
-  if (ahead.is_begin_known) return {};
-  LoopReference<double>& pose = trial().mechanism.loops.reference;
-  pose = ahead.pose_before;
-  const Status status = calc_coupling_point(tau, ahead.y_before.data(), ahead.begin_point);
-  pose = present().mechanism.loops.reference;
-  ahead.is_begin_known = status.ok();
-  return status;
-}
-
-/// The vehicles at another time than that of the contact memory. Their motion does not depend on
-/// contact.
-Status DockingSim::Impl::calc_coupling_point(double tau, const double* y, CouplingPoint& point) {
-  trial().touches = false;
-  const Status status = evaluator->aside(tau, y, nullptr);
-  trial().touches = true;
-  if (status.ok()) point = find_coupling_point(*model, trial(), y);
-  return status;
 }
 
 /// The state that is read at the communication point.
@@ -323,7 +297,10 @@ Status DockingSim::Impl::evaluate_point(bool may_lock) {
   if (!status.ok()) return status;
   const bool is_there =
       evaluator->is_trial_kept() && !loads.are_sloped() && are_same(loads.at_start(), ahead.loads);
-  return is_there ? Status() : evaluator->aside(ahead.reached, step_loop->point_y(), nullptr);
+  if (is_there) return {};
+  const Status found = evaluator->aside(ahead.reached, step_loop->point_y(), nullptr);
+  if (found.ok()) evaluator->keep_trial();
+  return found;
 }
 
 }  // namespace dockloop

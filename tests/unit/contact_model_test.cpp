@@ -75,7 +75,7 @@ TEST(ContactModel, StoredWrenchesAreMet) {
     const V force = to_vec3(j["force"]), moment = to_vec3(j["moment"]);
     const double scale = 1.0 + force.norm();
     EXPECT_EQ(r.active_count, j["contacts"].get<int>());
-    gap.add(find_gap<double>(model, x, work) - j["gap"].get<double>(), i);
+    gap.add(find_gap<double>(model, {}, x, work) - j["gap"].get<double>(), i);
     energy.add((r.energy - j["energy"].get<double>()) / (1 + r.energy), i);
     wrench.add((r.on_passive.f - force).norm() / scale, i);
     wrench.add((r.on_passive.t - moment).norm() / scale, i++);
@@ -283,7 +283,7 @@ TEST(ContactModel, SleepByPairChangesNoBit) {
         if (!sa.ok() || !sb.ok()) break;
         ASSERT_TRUE(same_bits(a, b)) << i << " " << k;
         ASSERT_EQ(dot_a, dot_b);
-        const double gap = find_gap<double>(model, x, work);
+        const double gap = find_gap<double>(model, {}, x, work);
         ASSERT_LE(b.gap, gap + 1e-15);
         ASSERT_EQ(b.gap < 0, gap < 0);
         if (gap < 0) {
@@ -306,7 +306,7 @@ TEST(ContactModel, FarApartNothingIsEvaluatedAndTheGapIsABound) {
   const ContactResult<double> r = evaluate<double>(model, x, work);
   EXPECT_EQ(r.active_count, 0);
   EXPECT_EQ(r.gap, find_sphere_gap(model, x.p));
-  EXPECT_LE(r.gap, find_gap<double>(model, x, work));
+  EXPECT_LE(r.gap, find_gap<double>(model, {}, x, work));
   EXPECT_LT(model.bounding_radius, 0.66);
 }
 
@@ -319,7 +319,7 @@ TEST(ContactModel, TooDeepAndFlippedStatesAreRejected) {
   // Seated rings, one side 1 mm in contact, then moved through the surface.
   const auto gap_at = [&](double axial) {
     x.p[0] = axial;
-    return find_gap<double>(model, x, work);
+    return find_gap<double>(model, {}, x, work);
   };
   double axial = 0.1;
   while (gap_at(axial) > -1e-3) axial -= 1e-4;

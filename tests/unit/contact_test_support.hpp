@@ -111,7 +111,7 @@ inline RelativeMotion<double> make_touching_motion(const ContactModel& model,
   x.p = random.vector(lateral);
   const auto excess = [&](double axial) {
     x.p[0] = axial;
-    return find_gap<double>(model, x, work) + depth;
+    return find_gap<double>(model, {}, x, work) + depth;
   };
   double high = 0.6, low = high;
   while (excess(low) > 0) {

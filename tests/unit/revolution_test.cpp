@@ -204,7 +204,7 @@ TEST(Revolution, NoPoseMissesTheLowestValley) {
     const RelativeMotion<double> x = make_touching(h, 3e-3, random);
     const ContactModel model = h.make(make_law(true));
     ContactWorkspace<double> work(model);
-    const double gap = find_gap<double>(model, x, work);
+    const double gap = find_gap<double>(model, {}, x, work);
     worst.add(gap + h.rounding() - find_sampled_root(h, x, 1000, 1e-9), i);
     segments += h.core.kind == CoreKind::kSegment;
     ContactResult<double> r;
@@ -233,8 +233,9 @@ TEST(Revolution, ShippedRodMissesNoValley) {
     x.p = -(x.R * head);
     const ContactModel model = h.make(make_law(true));
     ContactWorkspace<double> work(model);
-    worst.add(find_gap<double>(model, x, work) + h.rounding() - find_sampled_root(h, x, 1000, 1e-9),
-              i);
+    worst.add(
+        find_gap<double>(model, {}, x, work) + h.rounding() - find_sampled_root(h, x, 1000, 1e-9),
+        i);
   }
   EXPECT_WORST_BELOW(worst, 1e-12);
 }

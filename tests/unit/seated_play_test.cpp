@@ -48,7 +48,7 @@ double find_by_flood(const ContactModel& model, const LatchSet& latches, double 
     RelativeMotion<double> x;
     x.p = {1e-5, at[0] * step, at[1] * step};  // ring faces just apart
     x.R = rotation_of({at[2] * turn, 0.0, 0.0});
-    if (find_gap<double>(model, x, work) < 0.0) continue;
+    if (find_gap<double>(model, {}, x, work) < 0.0) continue;
     for (int i = 0; i < latches.count(); ++i) {
       const Vec3<double> s = find_latch_motion(latches, i, x).s;
       largest = std::max(largest, s.tail<2>().norm());

@@ -96,7 +96,7 @@ TEST(Surfaces, ProbeAndDrogueAgreeWithStoredPoses) {
       ASSERT_EQ(stored["pair"], row.first + "_" + row.second);
       const ContactModel one = make_surface_contact(make_probe(), make_drogue(), {row}, law, {});
       ContactWorkspace<double> work(one);
-      gap.add(find_gap<double>(one, x, work) - stored["gap"].get<double>(), index);
+      gap.add(find_gap<double>(one, {}, x, work) - stored["gap"].get<double>(), index);
       const ContactResult<double> r = find_contact(one, x);
       const double scale = 1.0 + stored["force"].get<double>();
       energy.add((r.energy - stored["energy"].get<double>()) / scale, index);
@@ -172,7 +172,7 @@ TEST(Surfaces, GuideRingsAreDataOfThisKind) {
     const RelativeMotion<double> x = make_touching_motion(ring, work, random, 2e-3);
     const ContactResult<double> a = find_contact(ring, x), b = find_contact(data, x);
     // Edges on the face are searched by other means.
-    EXPECT_NEAR(find_gap<double>(ring, x, work), find_gap<double>(data, x, same), 1e-15);
+    EXPECT_NEAR(find_gap<double>(ring, {}, x, work), find_gap<double>(data, {}, x, same), 1e-15);
     EXPECT_EQ(a.active_count, b.active_count);
     closed += a.active_count;
     const double scale = a.on_passive.f.norm();
@@ -294,7 +294,7 @@ TEST(Surfaces, NeighbourListChangesNoBit) {
         ContactWorkspace<double> other(model);
         ASSERT_TRUE(calc_contact<double>(model, {}, x, nullptr, nullptr, other, plain).ok());
         ASSERT_TRUE(same_bits(listed, plain)) << "path " << path << ", place " << i;
-        const double gap = find_gap<double>(model, x, other);
+        const double gap = find_gap<double>(model, {}, x, other);
         ASSERT_LE(listed.gap, gap + 1e-15);
         closed += plain.active_count;
         skipped += memory.has_reference && memory.near.size() < model.pairs.size();
