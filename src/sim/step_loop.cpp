@@ -60,6 +60,7 @@ void StepLoop::start() {
   ahead_.jacobian = kept_;
   reserve(ahead_.context.memory, static_cast<size_t>(model_->contact.pair_count()));
   keep_context();
+  accepted_pose_ = ahead_.context.reference;
 }
 
 Status StepLoop::advance(double h, std::int64_t limit, bool was_pending) {

@@ -134,7 +134,8 @@ def summarise_sweep(sweep: Sweep, planner: Planner, table: Any, ran: dict) -> di
     wall = ran["wall"]
     summary["time"] = {name: ran[name] for name in _CLOCK}
     if ran["ran"]:
-        summary["time"]["cases_per_second"] = ran["ran"] / wall
+        summary["time"]["cases_per_second"] = rate = ran["ran"] / wall
+        summary["time"]["cases_per_second_and_core"] = rate / ran["workers"]  # a worker has one
     return summary
 
 
