@@ -62,12 +62,14 @@ def stripped_size(library: Path) -> int:
         return stripped.stat().st_size
 
 
-def count_instructions(scene: str, accuracy: float) -> float:
-    """Return the instructions inside ``fmi2DoStep`` for each evaluation."""
+def count_instructions(scene: str, accuracy: float, reads: bool) -> float:
+    """Return the instructions inside ``fmi2DoStep`` for an evaluation, or to read a point."""
     with pytest.MonkeyPatch.context() as patched, tempfile.TemporaryDirectory() as folder:
         patched.syspath_prepend(str(Path(__file__).parent / "studies"))
         import instructions
 
+        if reads:
+            return instructions.count_reading(scene, accuracy, Path(folder))
         evaluations, _, functions = instructions.count(scene, accuracy, Path(folder))
         return functions[instructions.ALL] / evaluations
 
@@ -86,7 +88,7 @@ def measure(budget: dict) -> float | None:
         settings = source.get("settings", [])
         return run(source["scene"], source["stop"], source["step"], *settings)[source["output"]]
     if "accuracy" in source:
-        return count_instructions(source["of"], source["accuracy"])
+        return count_instructions(source["of"], source["accuracy"], source.get("reads", False))
     if "room" in source:
         return count_lines(source["room"])
     if "test" in source:

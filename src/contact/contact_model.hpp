@@ -207,6 +207,7 @@ struct ContactWorkspace {
   const plates::PlateFunctions* plate_functions = nullptr;
   std::vector<nodes::NodeGaps> node_gaps;  ///< with them, per group of a set
   std::vector<char> may_touch;             ///< per group of a set
+  std::vector<int> looked_at;              ///< pairs that no bound of the list excludes
 };
 
 template <class S>

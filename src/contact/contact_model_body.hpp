@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <tuple>
 #include <type_traits>
 
@@ -483,22 +484,30 @@ Status add_pairs(const ContactModel& model, const ContactMemory& memory,
   const bool near_only = listed && from_all <= S(memory.radius);
   out.gap = near_only ? S(memory.radius) - from_all : S(kNoGap);
   const S delta = near_only ? find_displacement<S>(model, memory.close, motion) : from_all;
-  const int count = near_only ? static_cast<int>(memory.near.size()) : model.pair_count();
-  const auto get_pair = [&](int k) { return near_only ? memory.near[k] : k; };
+  // Of pairs that are open by their bounds, only the bounds count. All others are looked at.
+  std::vector<int>& pairs = work.looked_at;
+  if (listed) {
+    const std::vector<double>& gaps = near_only ? memory.near_gap : memory.gap;
+    const int* near = near_only ? memory.near.data() : nullptr;
+    pairs.clear();
+    for (size_t k = 0; k < gaps.size(); ++k) {
+      const int i = near ? near[k] : static_cast<int>(k);
+      const S bound = S(gaps[k]) - delta;
+      if (memory.closed[i] || !(bound > S(0))) {
+        pairs.push_back(i);
+      } else {
+        out.gap = std::min<S>(out.gap, bound);
+      }
+    }
+  } else {
+    pairs.resize(model.pairs.size());
+    std::iota(pairs.begin(), pairs.end(), 0);
+  }
   const auto was_closed_at = [&](int i) { return listed && memory.closed[i]; };
-  // Pair k of the list may be open by its bound; then only the bound counts.
-  const auto passes_over = [&](int k) {
-    const int i = get_pair(k);
-    if (!listed || memory.closed[i]) return false;
-    const S bound = S(near_only ? memory.near_gap[k] : memory.gap[i]) - delta;
-    if (!(bound > S(0))) return false;
-    out.gap = std::min<S>(out.gap, bound);
-    return true;
-  };
+  const int count = static_cast<int>(pairs.size());
   [[maybe_unused]] int one_by_one = 0;  // pairs before this one are not evaluated together
   for (int k = 0; k < count; ++k) {
-    if (passes_over(k)) continue;
-    const int i = get_pair(k);
+    const int i = pairs[k];
     const ContactPair& pair = model.pairs[i];
     const bool was_closed = was_closed_at(i);
     if constexpr (std::is_same_v<S, double>) {
@@ -507,9 +516,8 @@ Status add_pairs(const ContactModel& model, const ContactMemory& memory,
         const int end = set.first + set.count;
         std::fill(work.may_touch.begin(), work.may_touch.end(), 0);
         int last = k;  // of the set
-        for (; last < count && get_pair(last) < end; ++last) {
-          if (last == k || !passes_over(last))
-            work.may_touch[(get_pair(last) - set.first) / kGroup] = 1;
+        for (; last < count && pairs[last] < end; ++last) {
+          work.may_touch[(pairs[last] - set.first) / kGroup] = 1;
         }
         Status status;
         const NodesFound found = add_nodes(model, set, memory, motion, work, out, status);
@@ -612,6 +620,7 @@ ContactWorkspace<S>::ContactWorkspace(const ContactModel& model) {
     node_gaps.resize(std::max(node_gaps.size(), set.groups.size()));
   }
   may_touch.assign(node_gaps.size(), 0);
+  looked_at.reserve(model.pairs.size());
 }
 
 template <class S>

@@ -22,7 +22,7 @@ class OneStepSolver : public Solver {
   bool has_fixed_step() const override { return fixed_; }
 
  protected:
-  static constexpr int kUnrollWidth = 4;  ///< states that are added up together
+  static constexpr int kUnrollWidth = 8;  ///< states that are added up together
 
   /// @param growth  limit of the next step over this one
   OneStepSolver(System& system, bool fixed, double growth);

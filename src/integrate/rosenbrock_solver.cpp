@@ -24,6 +24,7 @@
 #include <vector>
 
 #include "integrate/one_step_solver.hpp"
+#include "math/pair.hpp"
 
 namespace dockloop {
 namespace {
@@ -150,17 +151,19 @@ void RosenbrockSolver::add_up(int stage, double h) {
   std::array<double, kStages> c;
   for (int j = 0; j < stage; ++j) c[j] = kC[stage][j] / h;
   for (int i = 0; i < stride_; i += kUnrollWidth) {
-    double y[kUnrollWidth] = {}, s[kUnrollWidth] = {};
+    Pair y[kUnrollWidth / 2] = {}, s[kUnrollWidth / 2] = {};
     const double* u = stages_.data() + i;
     for (int j = 0; j < stage; ++j, u += stride_) {
-      for (int l = 0; l < kUnrollWidth; ++l) {
-        y[l] += kA[stage][j] * u[l];
-        s[l] += c[j] * u[l];
+      for (int l = 0; l < kUnrollWidth / 2; ++l) {
+        const Pair pair = load_pair(u + 2 * l);
+        y[l] += kA[stage][j] * pair;
+        s[l] += c[j] * pair;
       }
     }
-    for (int l = 0; l < kUnrollWidth; ++l) {
-      end_[i + l] = start_[i + l] + y[l];
-      sum_[i + l] = s[l];
+    for (int l = 0; l < kUnrollWidth / 2; ++l) {
+      const int at = i + 2 * l;
+      store_pair(load_pair(&start_[at]) + y[l], &end_[at]);
+      store_pair(s[l], &sum_[at]);
     }
   }
 }

@@ -1,38 +1,43 @@
 // Factors and solutions; see small_cholesky.hpp.
 #include "math/small_cholesky.hpp"
 
+#include "math/pair.hpp"
+
 namespace dockloop {
 namespace {
 
 /// Columns W = L D^(1/2) of the factor, and the reciprocals of D, one after another: no operation
 /// waits for a square root. Even rows first, in pairs, so that all loops have constant bounds.
 template <int N, int J>
-void eliminate(const double* A, double* W, double* inverse) {
+void eliminate(const double* A, std::array<Pair, N / 2>* W, double* inverse) {
   if constexpr (J < N) {
-    constexpr int kFirst = J / 2 * 2;
-    std::array<double, N> column;
-    for (int i = kFirst; i < N; ++i) column[i] = A[N * J + i];
+    constexpr int kFirst = J / 2, kPairs = N / 2;
+    std::array<Pair, kPairs> column;
+    for (int i = kFirst; i < kPairs; ++i) column[i] = load_pair(A + N * J + 2 * i);
+#pragma GCC unroll 12
     for (int k = 0; k < J; ++k) {
-      const double factor = W[N * k + J] * inverse[k];
-      for (int i = kFirst; i < N; ++i) column[i] -= factor * W[N * k + i];
+      const double factor = W[k][kFirst][J % 2] * inverse[k];
+      for (int i = kFirst; i < kPairs; ++i) column[i] -= factor * W[k][i];
     }
-    inverse[J] = 1.0 / column[J];
-    for (int i = kFirst; i < N; ++i) W[N * J + i] = column[i];
+    inverse[J] = 1.0 / column[kFirst][J % 2];
+    for (int i = kFirst; i < kPairs; ++i) W[J][i] = column[i];
     eliminate<N, J + 1>(A, W, inverse);
   }
 }
 
-/// The factor of A in the lower triangle of L.
+/// The factor of A in the lower triangle of L; above it, numbers without meaning.
 template <int N>
 bool factorise(const double* A, double* L) {
-  std::array<double, N * N> W;
+  static_assert(N % 2 == 0);
+  std::array<Pair, N / 2> W[N];
   std::array<double, N> inverse;
-  eliminate<N, 0>(A, W.data(), inverse.data());
+  eliminate<N, 0>(A, W, inverse.data());
   bool positive = true;
   for (int j = 0; j < N; ++j) {
-    positive = positive && !(W[N * j + j] <= 0.0);  // NaN is not detected here, as with Eigen
-    const double root = 1.0 / std::sqrt(W[N * j + j]);
-    for (int i = j; i < N; ++i) L[N * j + i] = W[N * j + i] * root;
+    const double pivot = W[j][j / 2][j % 2];
+    positive = positive && !(pivot <= 0.0);  // NaN is not detected here, as with Eigen
+    const double root = 1.0 / std::sqrt(pivot);
+    for (int i = j / 2; i < N / 2; ++i) store_pair(W[j][i] * root, L + N * j + 2 * i);
   }
   return positive;
 }

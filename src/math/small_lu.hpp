@@ -44,10 +44,12 @@ class SmallLu {
       }
       const S inverse = S(1) / lu_(k, k);
       inverse_[k] = inverse;
-      for (int i = k + 1; i < n_; ++i) {
-        const S factor = lu_(i, k) * inverse;
-        lu_(i, k) = factor;
-        for (int j = k + 1; j < n_; ++j) lu_(i, j) -= factor * lu_(k, j);
+      S* factor = lu_.data() + n_ * k;
+      for (int i = k + 1; i < n_; ++i) factor[i] *= inverse;
+      for (int j = k + 1; j < n_; ++j) {  // column by column, as they stand in memory
+        S* column = lu_.data() + n_ * j;
+        const S top = column[k];
+        for (int i = k + 1; i < n_; ++i) column[i] -= factor[i] * top;
       }
     }
     return true;

@@ -1,7 +1,7 @@
 """Where the work of a docking goes: tests/validation/instructions.md.
 
 Runs dockings through their FMUs under callgrind (the Debian package valgrind), which counts the
-processor instructions inside ``fmi2DoStep``, function by function. Unlike times, the counts
+processor instructions inside ``fmi2DoStep``, function by function, and those of reading outputs. Unlike times, the counts
 repeat. valgrind knows no vectors wider than four numbers, so wider processors need fewer.
 
 Examples:
@@ -45,19 +45,29 @@ MATRIX = (
     *(f"StructuredMatrix::{n}(" for n in ("build", "factor", "solve")),
 )
 ALL = "dockloop::DockingSim::step(double, double)"  # all that takes time in fmi2DoStep
+READING = "dockloop::DockingSim::update(dockloop::OutputGroup)"  # the same, in fmi2GetReal
 # Calls `fmi2DoStep` of an FMU to the end; prints evaluations and inner steps.
 SCRIPT = """
 import sys
 from pathlib import Path
 from dockloop.fmu.host import run_fmu
-fmu, stop, step, *settings = sys.argv[1:]
-made = run_fmu(Path(fmu), settings, float(stop), float(step), outputs=["solver.*"])
+fmu, stop, step, outputs, *settings = sys.argv[1:]
+made = run_fmu(Path(fmu), settings, float(stop), float(step), outputs=[outputs])
 print(*(int(made[f"solver.{name}"][-1]) for name in ("rhs_evaluations", "steps")))
 """
 
 
-def count(scene: str, accuracy: float, folder: Path) -> tuple[int, int, Counter[str]]:
+def count(
+    scene: str, accuracy: float, folder: Path, inside: str = ALL, outputs: str = "solver.*"
+) -> tuple[int, int, Counter[str]]:
     """Run the FMU of a scene under callgrind, with the library of this build: others lack names.
+
+    Args:
+        scene: name of a shipped scene.
+        accuracy: parameter of the FMU; 0: default settings.
+        folder: for files of the run.
+        inside: function in which instructions are counted.
+        outputs: pattern of outputs that are read at every point.
 
     Returns:
         Evaluations, inner steps, and the instructions of each function with all that it calls.
@@ -68,8 +78,8 @@ def count(scene: str, accuracy: float, folder: Path) -> tuple[int, int, Counter[
     out = folder / "callgrind.out"
     printed = call(
         *("valgrind", "--tool=callgrind", f"--callgrind-out-file={out}"),
-        *("--collect-atstart=no", f"--toggle-collect={ALL}", sys.executable, "-c", SCRIPT),
-        *(fmu, repr(STOP), repr(STEP), f"accuracy={accuracy!r}"),
+        *("--collect-atstart=no", f"--toggle-collect={inside}", sys.executable, "-c", SCRIPT),
+        *(fmu, repr(STOP), repr(STEP), outputs, f"accuracy={accuracy!r}"),
     )
     table = call("callgrind_annotate", "--inclusive=yes", "--threshold=100", out)
     rows = re.findall(r"^ *([\d,]+) \([ \d.]+%\) +\S+?:(.*?) \[", table, re.MULTILINE)
@@ -77,9 +87,15 @@ def count(scene: str, accuracy: float, folder: Path) -> tuple[int, int, Counter[
     functions = Counter()
     for number, name in rows:
         functions[name] += int(number.replace(",", ""))
-    if ALL not in functions:
-        raise SystemExit(f"callgrind has not seen {ALL}")
+    if inside not in functions:
+        raise SystemExit(f"callgrind has not seen {inside}")
     return evaluations, steps, functions
+
+
+def count_reading(scene: str, accuracy: float, folder: Path) -> float:
+    """Return the instructions of reading all outputs at one communication point."""
+    _, _, functions = count(scene, accuracy, folder, READING, "*")
+    return functions[READING] / (STOP / STEP + 1)
 
 
 def add_up(functions: Counter[str], *parts: str) -> int:
@@ -108,12 +124,16 @@ def main() -> None:
                     f"{steps:,}",
                     f"{total / evaluations / 1000:.1f}",
                     *(f"{share / total:.0%}" for share in shares),
+                    f"{count_reading(scene, accuracy, Path(folder)) / 1000:.1f}",
                 ]
             )
             report((i + 1) / len(RUNS))
     heads = ("part", *(f"`{scene}`, `accuracy` {wanted:g}" for scene, wanted in RUNS))
     rows = zip(
-        ("evaluations", "inner steps", "thousand instructions for an evaluation, all in", *names),
+        (
+            *("evaluations", "inner steps", "thousand instructions for an evaluation, all in"),
+            *(*names, "thousand instructions to read all outputs at a point"),
+        ),
         *columns,
         strict=True,
     )
@@ -121,7 +141,8 @@ def main() -> None:
         PAGE,
         "Where the work of a docking goes",
         "tests/studies/instructions.py",
-        f"Processor instructions inside `fmi2DoStep` by callgrind, {STOP:g} s at {STEP:g} s.",
+        f"Processor instructions inside `fmi2DoStep` by callgrind, {STOP:g} s at {STEP:g} s. The last"
+        " row is what `fmi2GetReal` adds where a host reads all outputs.",
         write_table(heads, rows),
         "All else: stages and error control of the solver, events, audits, peaks, the list of"
         " contact pairs that are close, and what each communication point costs.",
