@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <numeric>
 #include <tuple>
 #include <type_traits>
@@ -419,8 +420,7 @@ inline NodesFound add_nodes(const ContactModel& model, const NodeSet& set,
   for (size_t g = 0; g < set.groups.size(); ++g) {
     if (!work.may_touch[g]) continue;
     const char* before = find_before(g);
-    const bool ways =
-        before && std::find(before, before + find_count(g), 1) != before + find_count(g);
+    const bool ways = before && std::memchr(before, 1, static_cast<size_t>(find_count(g)));
     if (work.node_functions->add_group(set.groups[g], find_count(g), contact, ways,
                                        work.node_gaps[g], lanes) == nodes::Touch::kDeep) {
       return NodesFound::kTooDeep;
@@ -431,11 +431,15 @@ inline NodesFound add_nodes(const ContactModel& model, const NodeSet& set,
     if (!work.may_touch[g]) continue;
     const nodes::NodeGaps& gaps = work.node_gaps[g];
     const char* before = find_before(g);
-    for (int i = 0; i < find_count(g); ++i) {
-      const int at = set.first + static_cast<int>(g) * kGroup + i;
-      const double gap = gaps.gap[i], part = -gap / contact.rounding;
+    const int first = set.first + static_cast<int>(g) * kGroup, count = find_count(g);
+    for (int i = 0; i < count; ++i) {
+      const double gap = gaps.gap[i];
+      const bool was_closed = before && before[i];
       least = std::min(least, gap);
-      if (before && before[i]) {
+      if (!was_closed && !(gap < 0.0)) continue;
+      const int at = first + i;
+      const double part = -gap / contact.rounding;
+      if (was_closed) {
         const Vec3<double> way(gaps.way[0][i], gaps.way[1][i], gaps.way[2][i]);
         if (way.dot(memory.n_last[at]) < 0.0) {
           status = {StatusCode::kContactFlipped, at, part};

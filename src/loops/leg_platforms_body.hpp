@@ -227,6 +227,7 @@ void keep_leg_reach(const LoopPlan& plan, LoopData<S>& loops) {
 
 template <class S>
 void calc_leg_coordinates(const MechanismModel& model, TreeData<S>& tree, LoopData<S>& loops) {
+  if (std::exchange(loops.has_leg_coordinates, true)) return;
   const LoopReference<S>& reference = loops.reference;
   for (const PlatformData<S>& at : loops.platform) {
     for (const LegPlace& leg : at.legs) {

@@ -297,6 +297,7 @@ Status solve_blocks(const MechanismModel& model, const LoopPlan& plan, bool from
 template <class S>
 Status calc_loop_position(const MechanismModel& model, const LoopPlan& plan, TreeData<S>& tree,
                           LoopData<S>& loops) {
+  loops.has_leg_coordinates = false;
   if (!loops.reference.valid) {
     const Status status = solve_blocks(model, plan, false, tree, loops);
     return status.ok() ? calc_leg_positions(model, plan, tree, loops) : status;

@@ -79,6 +79,7 @@ struct LoopData {
   std::vector<BlockData<S>> block;        ///< per block
   std::vector<PlatformData<S>> platform;  ///< per platform on legs
   LoopReference<S> reference;
+  bool has_leg_coordinates = false;  ///< calc_leg_coordinates() has been called at this position
   VecX<S> moved, target;  ///< scratch: nv, from the reference pose; nq, pose that is sought
 };
 
