@@ -159,6 +159,24 @@ def test_the_mean_load_leaves_out_the_whole_ramp(runs):
         assert load < 1e-7, load  # measured 1e-9 N next to 30 N and 3750 N
 
 
+@pytest.mark.parametrize("accuracy", [0.0, 1e-3])  # 1e-3: points inside linearly implicit steps
+def test_mean_loads_are_the_changes_of_momentum_that_a_host_reads(runs, accuracy):
+    fmu = runs.fmu(DEFAULT, NEAR, f"accuracy={accuracy}")
+    with started(Host(fmu)) as host, started(Host(fmu)) as seldom:
+        mass, largest = host.value("target.mass"), 0.0
+        for point in range(150):
+            before = mass * host.vector("target.velocity")
+            host.step(0.01)
+            seldom.step(0.01)
+            load = host.vector("target.force_mean")
+            change = (mass * host.vector("target.velocity") - before) / 0.01
+            np.testing.assert_allclose(load, change, atol=1e-4)
+            largest = max(largest, np.abs(load).max())
+            if point % 3 == 0:  # the point before was not read
+                assert np.array_equal(seldom.vector("target.force_mean"), load)
+        assert largest > 100.0
+
+
 def test_slopes_that_cannot_be_used_are_refused_and_nothing_changes(runs):
     fmu = runs.fmu(DEFAULT, AWAY)
     with started(Host(fmu)) as host, started(Host(fmu)) as alone:

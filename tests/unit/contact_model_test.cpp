@@ -284,6 +284,7 @@ TEST(ContactModel, SleepByPairChangesNoBit) {
         ASSERT_TRUE(same_bits(a, b)) << i << " " << k;
         ASSERT_EQ(dot_a, dot_b);
         const double gap = find_gap<double>(model, {}, x, work);
+        ASSERT_EQ(find_gap<double>(model, memory, x, work), gap);
         ASSERT_LE(b.gap, gap + 1e-15);
         ASSERT_EQ(b.gap < 0, gap < 0);
         if (gap < 0) {
