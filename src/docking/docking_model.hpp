@@ -137,7 +137,7 @@ struct DockingModel {
 struct DiscreteState {
   std::array<LatchState, kMaxLatches> latch;
   bool contacted = false;         ///< first contact has happened
-  bool captured = false;          ///< all latches hold
+  bool captured = false;          ///< all latches hold, or the sequence states a grasp
   double time_of_contact = -1.0;  ///< [s] since start
   double time_of_capture = -1.0;  ///< [s] since start
   bool thrust_on = false;

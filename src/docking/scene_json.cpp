@@ -156,13 +156,14 @@ void read_initial(const JsonReader& item, Scene& scene) {
 }
 
 /// Hard dock, sequence, which names parts of it, and the steps that failures name.
-/// @pre mechanism and latches of the scene
+/// @pre mechanism, contact and latches of the scene
 void read_sequence_and_hard_dock(const JsonReader& mechanism, Scene& scene) {
   if (scene.has_target && mechanism.has("interface")) {
     scene.hard_dock = read_hard_dock(mechanism.at("interface"));
   }
-  scene.sequence = read_sequence(mechanism, scene.mechanism,
-                                 scene.has_target ? &scene.latches : nullptr, scene.hard_dock);
+  scene.sequence =
+      read_sequence(mechanism, scene.mechanism, scene.has_target ? &scene.latches : nullptr,
+                    scene.contact, scene.hard_dock);
   size_t k = 0;
   for (const JsonReader& item : mechanism.list("failures", kMaxItems)) {
     find_step(item, scene.sequence, scene.mechanism.failures[k++].onset);
