@@ -175,7 +175,7 @@ def test_the_metadata_of_the_table_holds_units_and_the_whole_set_up(reference, t
     assert units["capture.peak.compression"] == "N"
     assert units["capture.peak.bending"] == "N.m"
     said = schema.field("time_of_capture").metadata[b"description"].decode()
-    assert said.endswith("all latches first held; empty if it did not happen")
+    assert said.endswith("the first capture; empty if it did not happen")
     # The table alone is enough to make the sweep again.
     again = write(tmp_path, reported["dockloop.sweep"], "again")
     assert list(read_sweep(str(again)).cases) == list(read_sweep(str(path)).cases)

@@ -263,7 +263,8 @@ void check_sequence(const std::string& text, const std::string& source_name,
                     const MechanismModel& model) {
   const json document = parse_json(text, source_name);
   const JsonReader file(document, source_name);
-  read_sequence(file.has("mechanism") ? file.at("mechanism") : file, model, nullptr, HardDock());
+  read_sequence(file.has("mechanism") ? file.at("mechanism") : file, model, nullptr, ContactModel(),
+                HardDock());
 }
 
 }  // namespace

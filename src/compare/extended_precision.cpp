@@ -112,10 +112,12 @@ class ExtendedEquations final : public Equations {
     const auto round = [](const auto& x) {
       return x.unaryExpr([](const Extended& number) { return to_double(number); }).eval();
     };
-    const auto round_motion = [&](const auto& x) -> decltype(rounded.relative) {
+    const auto round_motion = [&](const RelativeMotion<Extended>& x) -> RelativeMotion<double> {
       return {round(x.R), round(x.p), round(x.w), round(x.v)};
     };
     rounded.relative = round_motion(data_->relative);
+    std::transform(data_->relative.others.begin(), data_->relative.others.end(),
+                   rounded.relative.others.begin(), round_motion);
     rounded.across = round_motion(data_->across);
     sim_.evaluator->forget();  // trial() is no longer the evaluation of a state
     sim_.events->calc_functions(rounded, roots);

@@ -88,7 +88,56 @@ int bristle_state_count(const ContactModel& model) {
   return model.law.friction_model == 2 ? 3 * model.pair_count() : 0;
 }
 
-double update_contact_memory(const ContactModel& model, const RelativeMotion<double>& motion,
+namespace {
+
+/// Renew the neighbour list of a body, or its part of near pairs, if that pays.
+void update_list(const ContactModel& model, int body, const RelativeMotion<double>& motion,
+                 ContactWorkspace<double>& work, NeighbourList& list, int& origins) {
+  const ActiveBody& of = model.bodies[body];
+  list.gap.reserve(of.count);  // all allocation happens in the first call
+  list.near.reserve(of.count);
+  list.near_gap.reserve(of.count);
+  if (of.count == 0 || find_sphere_gap(of, motion) > 0) return;
+  list.searched += work.searched[body];
+  forget_plates(work);
+  const auto find_gap_below = [&](int pair, double limit) {
+    Place<double> c;
+    return find_pair<double>(model, model.pairs[pair], motion, work, limit, c);
+  };
+  const int near = static_cast<int>(list.near.size());
+  // A new list origin after a motion of half the list radius.
+  if (!list.has_reference || find_displacement<double>(of, list.all, motion) > list.radius / 2) {
+    list.gap.resize(of.count);
+    list.least_gap = kNoGap;
+    for (int k = 0; k < of.count; ++k) {
+      list.gap[k] = find_gap_below(of.first + k, kGapLimit);
+      list.least_gap = std::min(list.least_gap, list.gap[k]);
+    }
+    list.radius = std::max(kLeastListRadius, list.least_gap / 2);
+    list.near.clear();
+    list.near_gap.clear();
+    for (int k = 0; k < of.count; ++k) {
+      if (list.gap[k] > list.radius) continue;
+      list.near.push_back(of.first + k);
+      list.near_gap.push_back(list.gap[k]);
+    }
+    list.all = list.close = {motion.R, motion.p};
+    list.searched = 0;
+    list.has_reference = true;
+    ++origins;
+  } else if (kSearches * list.searched > near) {
+    // And one for the near pairs as soon as searches would have paid for it.
+    for (int k = 0; k < near; ++k) {
+      list.near_gap[k] = find_gap_below(list.near[k], list.radius);
+    }
+    list.close = {motion.R, motion.p};
+    list.searched = 0;
+  }
+}
+
+}  // namespace
+
+double update_contact_memory(const ContactModel& model, const HardwareMotion<double>& motion,
                              double* z, ContactWorkspace<double>& work, ContactMemory& memory) {
   const int count = model.pair_count();
   memory.closed = work.closed;
@@ -96,45 +145,9 @@ double update_contact_memory(const ContactModel& model, const RelativeMotion<dou
   for (int i = 0; i < count; ++i) {
     if (memory.closed[i]) memory.n_last[i] = work.way[i].normalized();
   }
-  memory.gap.reserve(count);  // all allocation happens in the first call
-  memory.near.reserve(count);
-  memory.near_gap.reserve(count);
-  if (find_sphere_gap(model, motion.p) <= 0 && count > 0) {
-    memory.searched += work.searched;
-    forget_plates(work);
-    const auto find_gap_below = [&](int pair, double limit) {
-      Place<double> c;
-      return find_pair<double>(model, model.pairs[pair], motion, work, limit, c);
-    };
-    const int near = static_cast<int>(memory.near.size());
-    // A new list origin after a motion of half the list radius.
-    if (!memory.has_reference ||
-        find_displacement<double>(model, memory.all, motion) > memory.radius / 2) {
-      memory.gap.resize(count);
-      memory.least_gap = kNoGap;
-      for (int i = 0; i < count; ++i) {
-        memory.gap[i] = find_gap_below(i, kGapLimit);
-        memory.least_gap = std::min(memory.least_gap, memory.gap[i]);
-      }
-      memory.radius = std::max(kLeastListRadius, memory.least_gap / 2);
-      memory.near.clear();
-      memory.near_gap.clear();
-      for (int i = 0; i < count; ++i) {
-        if (memory.gap[i] > memory.radius) continue;
-        memory.near.push_back(i);
-        memory.near_gap.push_back(memory.gap[i]);
-      }
-      memory.all = memory.close = {motion.R, motion.p};
-      memory.searched = 0;
-      memory.has_reference = true;
-    } else if (kSearches * memory.searched > near) {
-      // And one for the near pairs as soon as searches would have paid for it.
-      for (int k = 0; k < near; ++k) {
-        memory.near_gap[k] = find_gap_below(memory.near[k], memory.radius);
-      }
-      memory.close = {motion.R, motion.p};
-      memory.searched = 0;
-    }
+  memory.lists.resize(model.bodies.size());
+  for (int body = 0; body < model.body_count(); ++body) {
+    update_list(model, body, motion.of(body), work, memory.lists[body], memory.origins);
   }
 
   // Bristles of open pairs are dropped.
@@ -147,24 +160,35 @@ double update_contact_memory(const ContactModel& model, const RelativeMotion<dou
   return dropped;
 }
 
-double find_sphere_gap(const ContactModel& model, const Vec3<double>& p) {
-  return p.norm() - 2 * model.bounding_radius;
-}
-
 bool have_rings_passed(const ContactModel& model, const RelativeMotion<double>& motion) {
-  if (!model.rings || find_sphere_gap(model, motion.p) > 0) return false;
+  if (!model.rings || find_sphere_gap(model.bodies[0], motion) > 0) return false;
   const Annulus<double> active = get_annulus(model.active[0]);
   const Annulus<double> passive = get_annulus(model.passive[0]);
   const Vec3<double> center = motion.p + motion.R.col(0) * passive.x;
   return center.x() < active.x && center.tail<2>().norm() < active.outer + passive.outer;
 }
 
-double find_approach_bound(const ContactModel& model, const RelativeMotion<double>& motion) {
-  return motion.v.norm() + motion.w.norm() * model.bounding_radius;
+double find_approach_bound(const ContactModel& model, const HardwareMotion<double>& motion) {
+  double bound = 0.0;
+  for (int body = 0; body < model.body_count(); ++body) {
+    const RelativeMotion<double>& to = motion.of(body);
+    bound = std::max(bound, to.v.norm() + to.w.norm() * model.bodies[body].bounding_radius);
+  }
+  return bound;
+}
+
+double find_bounding_radius(const ContactModel& model, const HardwareMotion<double>& motion) {
+  double radius = model.bounding_radius;
+  for (int body = 1; body < model.body_count(); ++body) {
+    const RelativeMotion<double>& to = motion.of(body);
+    const Vec3<double> from_G = motion.p - motion.R * (to.R.transpose() * to.p);
+    radius = std::max(radius, from_G.norm() + model.bodies[body].bounding_radius);
+  }
+  return radius;
 }
 
 double find_step_bound(const ContactModel& model, double gap,
-                       const RelativeMotion<double>& motion) {
+                       const HardwareMotion<double>& motion) {
   const double speed = find_approach_bound(model, motion);
   const double way = std::max(gap, 0.0) + model.least_rounding / 4;
   return way < kNever * speed ? way / speed : kNever;

@@ -7,6 +7,9 @@
 // the frame of the active ring, P that of the passive interface; results are on P, about the origin
 // of G, in axes of G, and the opposite acts on G at the same points, so momentum balances to
 // rounding.
+//
+// Active cores may belong to several bodies, as fingers that close: G comes first. What is said of
+// G here holds for each body: its pairs see the motion of P relative to it, in its axes.
 #pragma once
 
 #include <array>
@@ -20,6 +23,7 @@
 #include "contact/node_lanes.hpp"
 #include "contact/plate_lanes.hpp"
 #include "contact/primitives.hpp"
+#include "math/dock_assert.hpp"
 #include "math/status.hpp"
 #include "math/types.hpp"
 
@@ -71,6 +75,13 @@ struct ContactPair {
   int law;            ///< of ContactModel::laws
   double rounding;    ///< sum of the rounding radii [m]
   int node_set = -1;  ///< of ContactModel::node_sets, -1 for none
+  int body = 0;       ///< of ContactModel::bodies: that of the active core
+};
+
+/// A body with active cores.
+struct ActiveBody {
+  int first = 0, count = 0;      ///< of its pairs
+  double bounding_radius = 0.0;  ///< of its cores, and of those of P, each about its origin [m]
 };
 
 /// Points of one side on one annulus of the other: pairs that are evaluated together.
@@ -107,8 +118,9 @@ struct NamedCore {
 
 struct ContactModel {
   enum class Kind { kNone, kSurfaces, kAbsorber } kind = Kind::kNone;
-  std::vector<Core> active, passive;  ///< in axes of G and of P
-  std::vector<ContactPair> pairs;     ///< fixed order: the order of summation
+  std::vector<Core> active, passive;  ///< in axes of their body, and of P
+  std::vector<ActiveBody> bodies{1};  ///< G, then MechanismModel::contact_bodies
+  std::vector<ContactPair> pairs;     ///< fixed order: the order of summation, by bodies
   std::vector<NodeSet> node_sets;
   std::vector<Surface> surfaces;
   ContactLaw law;                    ///< common
@@ -116,11 +128,12 @@ struct ContactModel {
   std::vector<ContactLaw> laws;      ///< the common law and its variants, see set_law()
   AbsorberLaw absorber;
   bool rings = false;  ///< made by make_ring_contact(): face first, surfaces are the active petals
-  double bounding_radius = 0.0;  ///< of each side about the origin of G (of P) [m]
+  double bounding_radius = 0.0;  ///< largest one of the bodies [m]
   double least_rounding = 0.0;   ///< smallest rounding sum of all pairs [m]
   double depth = 0.0;  ///< from the origin of P along x to the innermost core of P, 0 for rings [m]
 
   bool empty() const { return kind == Kind::kNone; }
+  int body_count() const { return static_cast<int>(bodies.size()); }
   int pair_count() const { return static_cast<int>(pairs.size()); }
   bool has_surfaces() const { return kind == Kind::kSurfaces; }
 };
@@ -156,27 +169,55 @@ struct RelativeMotion {
   Vec3<S> v = Vec3<S>::Zero();      ///< d/dt p as seen in G [m/s]
 };
 
+/// Motion of P relative to G and to the other bodies with active cores, each in axes of the body.
+template <class S>
+struct HardwareMotion : RelativeMotion<S> {
+  std::vector<RelativeMotion<S>> others;
+  HardwareMotion() = default;
+  HardwareMotion(const RelativeMotion<S>& to_G) : RelativeMotion<S>(to_G) {}  // without others
+  HardwareMotion& operator=(const RelativeMotion<S>& to_G) {
+    RelativeMotion<S>::operator=(to_G);
+    return *this;
+  }
+  /// @param body  of ContactModel::bodies
+  const RelativeMotion<S>& of(int body) const {
+    DOCK_ASSERT(body <= static_cast<int>(others.size()));
+    return body == 0 ? *this : others[body - 1];
+  }
+};
+
 /// Does the absorber act? Depth and force decide at every state, or the decision of the last event
 /// holds until the next event, beyond the surface too.
 enum class Acting : signed char { kByState, kNo, kYes };
 
-/// Data of the last accepted step. Plain data, may be copied and stored. The neighbour list only
-/// saves work: lower bounds of all gaps at one list origin (a pose of P in G), and of the gaps of
-/// near pairs at a later one. With the bounding radius r, a point of P moves by at most
-/// delta = |p - p_origin| + 2 sin(theta/2) r from an origin, so a pair with gap > delta is open.
-/// The closed pairs and their normals detect a trial state on the far side of a surface.
-struct ContactMemory {
+/// The neighbour list of a body only saves work: lower bounds of all gaps at one list origin (a
+/// pose of P in G), and of the gaps of near pairs at a later one. With the bounding radius r, a
+/// point of P moves by at most delta = |p - p_origin| + 2 sin(theta/2) r from an origin, so a pair
+/// with gap > delta is open.
+struct NeighbourList {
   bool has_reference = false;
-  Pose<double> all, close;           ///< list origins: of all pairs, of the near ones
-  double least_gap = 0.0;            ///< smallest entry of gap [m]
-  double radius = 0.0;               ///< pairs with gap <= radius are `near` [m]
-  std::vector<double> gap;           ///< per pair, lower bound at `all` [m]
-  std::vector<int> near;             ///< pair indices, ascending
-  std::vector<double> near_gap;      ///< of these pairs, lower bound at `close` [m]
-  int searched = 0;                  ///< open pairs searched at accepted steps since `close`
+  Pose<double> all, close;       ///< list origins: of all pairs, of the near ones
+  double least_gap = 0.0;        ///< smallest entry of gap [m]
+  double radius = 0.0;           ///< pairs with gap <= radius are `near` [m]
+  std::vector<double> gap;       ///< per pair of the body, lower bound at `all` [m]
+  std::vector<int> near;         ///< pair indices, ascending
+  std::vector<double> near_gap;  ///< of these pairs, lower bound at `close` [m]
+  int searched = 0;              ///< open pairs searched at accepted steps since `close`
+};
+
+/// Data of the last accepted step. Plain data, may be copied and stored. The closed pairs and their
+/// normals detect a trial state on the far side of a surface.
+struct ContactMemory {
+  std::vector<NeighbourList> lists;  ///< per body; empty before the first accepted step
+  int origins = 0;                   ///< list origins of all pairs that were made
   std::vector<char> closed;          ///< per pair, 1 if in contact at the last accepted step
   std::vector<Vec3<double>> n_last;  ///< unit normal of every closed pair, axes of G
   Acting absorber = Acting::kByState;
+
+  /// @return nullptr: all pairs must be searched
+  const NeighbourList* find_list(int body) const {
+    return !lists.empty() && lists[body].has_reference ? &lists[body] : nullptr;
+  }
 };
 
 /// A place of a closed pair, axes of G.
@@ -196,10 +237,11 @@ struct ContactWorkspace {
   std::vector<Plate<S>> passive_plates;  ///< axes of G, of an evaluation that needs them
   std::vector<char> is_placed;           ///< is an entry of passive_plates of this evaluation?
   std::vector<char> closed;              ///< per pair, written by calc_contact
-  int searched = 0;                      ///< open pairs of which it has searched closest points
+  std::vector<int> searched;  ///< per body, open pairs of which it has searched closest points
   std::vector<Vec3<S>>
       way;  ///< with it: distance vector from G to P of every closed pair, axes of G [m]
-  std::vector<Place<S>> places;  ///< of one pair, axes of G; of the pair that is evaluated
+  std::vector<Wrench<S>> on_passive;  ///< of the cores on each other body; its origin and axes
+  std::vector<Place<S>> places;       ///< of one pair, axes of G; of the pair that is evaluated
   /// With `closed`, for plain numbers: all places of closed pairs but those of node sets, where
   /// `way` gives them.
   std::vector<Touching> touching;
@@ -212,7 +254,7 @@ struct ContactWorkspace {
 
 template <class S>
 struct ContactResult {
-  Wrench<S> on_passive;     ///< about the origin of G, axes of G [N], [N m]
+  Wrench<S> on_passive;     ///< of the cores on G, about its origin, axes of G [N], [N m]
   S energy = S(0);          ///< elastic, with bristles [J]
   S contact_power = S(0);   ///< dissipated by damping, >= 0 [W]
   S friction_power = S(0);  ///< dissipated by friction, >= 0 [W]
@@ -240,35 +282,36 @@ int bristle_state_count(const ContactModel& model);
 /// No allocation.
 template <class S>
 Status calc_contact(const ContactModel& model, const ContactMemory& memory,
-                    const RelativeMotion<S>& motion, const S* z, S* z_dot,
+                    const HardwareMotion<S>& motion, const S* z, S* z_dot,
                     ContactWorkspace<S>& work, ContactResult<S>& out);
 
 /// Smallest sqrt(V) - rounding over all pairs [m], negative in contact; exact. Its neighbour list
 /// leaves out pairs that cannot be the closest; an empty memory leaves out none.
 template <class S>
-S find_gap(const ContactModel& model, const ContactMemory& memory, const RelativeMotion<S>& motion,
+S find_gap(const ContactModel& model, const ContactMemory& memory, const HardwareMotion<S>& motion,
            ContactWorkspace<S>& work);
 
 /// Call at accepted steps only. Opened pairs lose their bristle.
 /// @pre calc_contact() at this motion, with this workspace
 /// @param[in,out] z  bristles or null
 /// @return energy of the removed bristles [J], which the caller adds to the friction energy.
-double update_contact_memory(const ContactModel& model, const RelativeMotion<double>& motion,
+double update_contact_memory(const ContactModel& model, const HardwareMotion<double>& motion,
                              double* z, ContactWorkspace<double>& work, ContactMemory& memory);
-
-/// Lower bound of the gap from two spheres about the origins of G and P [m].
-double find_sphere_gap(const ContactModel& model, const Vec3<double>& p);
 
 /// Is a passive guide ring behind the active ring? Surfaces prevent such a motion. Only a start
 /// state can have this pose, in which the surfaces do not touch and results have no meaning.
 bool have_rings_passed(const ContactModel& model, const RelativeMotion<double>& motion);
 
-/// Upper bound of the speed of any point of P's hardware relative to G [m/s].
-double find_approach_bound(const ContactModel& model, const RelativeMotion<double>& motion);
+/// Upper bound of the speed of any point of P's hardware relative to G, and to other bodies [m/s].
+double find_approach_bound(const ContactModel& model, const HardwareMotion<double>& motion);
+
+/// Radius of a sphere about the origin of G that contains the active cores, at this motion, and of
+/// one about the origin of P that contains those of P [m].
+double find_bounding_radius(const ContactModel& model, const HardwareMotion<double>& motion);
 
 /// Largest step [s] in which no surface can pass through another surface unseen: (max(gap, 0) +
 /// rounding/4)/speed.
-double find_step_bound(const ContactModel& model, double gap, const RelativeMotion<double>& motion);
+double find_step_bound(const ContactModel& model, double gap, const HardwareMotion<double>& motion);
 
 /// No contact before this time [s]: root of gap = v t + a t^2/2 with bounds of speed [m/s] and
 /// acceleration [m/s2]; 0 in contact, at most kNever.

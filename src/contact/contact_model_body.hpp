@@ -28,11 +28,17 @@ constexpr int kSearches = 8;               // evaluations of an accepted step, a
 /// Displacement bound of the hardware of P from a list origin [m], rounded up.
 /// 2 sin(theta/2) = |R - R_origin|_F/sqrt(2).
 template <class S>
-S find_displacement(const ContactModel& model, const Pose<double>& origin,
+S find_displacement(const ActiveBody& body, const Pose<double>& origin,
                     const RelativeMotion<S>& x) {
   using std::sqrt;
   const S turn = (x.R - cast<S>(origin.R)).squaredNorm() / S(2);
-  return (x.p - cast<S>(origin.p)).norm() + sqrt(turn) * S(model.bounding_radius) + S(kSlack);
+  return (x.p - cast<S>(origin.p)).norm() + sqrt(turn) * S(body.bounding_radius) + S(kSlack);
+}
+
+/// Lower bound of the gap from two spheres about the origins of G and P [m].
+template <class S>
+S find_sphere_gap(const ActiveBody& body, const RelativeMotion<S>& x) {
+  return x.p.norm() - S(2 * body.bounding_radius);
 }
 
 /// A plate of P in axes of G. @pre is_placed is cleared for a new motion
@@ -415,7 +421,7 @@ inline NodesFound add_nodes(const ContactModel& model, const NodeSet& set,
     return std::min(kGroup, set.count - static_cast<int>(g) * kGroup);
   };
   const auto find_before = [&](size_t g) {  // in contact at the last accepted step?
-    return memory.has_reference ? &memory.closed[set.first + g * kGroup] : nullptr;
+    return memory.closed.empty() ? nullptr : &memory.closed[set.first + g * kGroup];
   };
   for (size_t g = 0; g < set.groups.size(); ++g) {
     if (!work.may_touch[g]) continue;
@@ -466,36 +472,36 @@ inline NodesFound add_nodes(const ContactModel& model, const NodeSet& set,
   return NodesFound::kAdded;
 }
 
-/// Sum over pairs in index order. Pairs that are open by the bounds of spheres or list origin
-/// contribute exactly nothing, so skipping them does not change a bit of the result.
+/// Sum over pairs of a body in index order. Pairs that are open by the bounds of spheres or list
+/// origin contribute exactly nothing, so skipping them does not change a bit of the result.
 template <class S>
-Status add_pairs(const ContactModel& model, const ContactMemory& memory,
+Status add_pairs(const ContactModel& model, int body, const ContactMemory& memory,
                  const RelativeMotion<S>& motion, const S* z, S* z_dot, ContactWorkspace<S>& work,
                  ContactResult<S>& out) {
   // No contact: the spheres of the two sides are apart, or all pairs are open by the bounds of the
   // list.
   using std::sqrt;
-  work.searched = 0;
-  work.touching.clear();
-  out.gap = motion.p.norm() - S(2 * model.bounding_radius);
+  const ActiveBody& of = model.bodies[body];
+  const NeighbourList* list = memory.find_list(body);
+  if (of.count == 0) return {};
+  out.gap = find_sphere_gap<S>(of, motion);
   if (out.gap > S(0)) return {};
-  const bool listed = memory.has_reference;
-  const S from_all = listed ? find_displacement<S>(model, memory.all, motion) : S(0);
-  out.gap = listed ? S(memory.least_gap) - from_all : S(0);
+  const S from_all = list ? find_displacement<S>(of, list->all, motion) : S(0);
+  out.gap = list ? S(list->least_gap) - from_all : S(0);
   if (out.gap > S(0)) return {};
 
   forget_plates(work);
-  const bool near_only = listed && from_all <= S(memory.radius);
-  out.gap = near_only ? S(memory.radius) - from_all : S(kNoGap);
-  const S delta = near_only ? find_displacement<S>(model, memory.close, motion) : from_all;
+  const bool near_only = list && from_all <= S(list->radius);
+  out.gap = near_only ? S(list->radius) - from_all : S(kNoGap);
+  const S delta = near_only ? find_displacement<S>(of, list->close, motion) : from_all;
   // Of pairs that are open by their bounds, only the bounds count. All others are looked at.
   std::vector<int>& pairs = work.looked_at;
-  if (listed) {
-    const std::vector<double>& gaps = near_only ? memory.near_gap : memory.gap;
-    const int* near = near_only ? memory.near.data() : nullptr;
+  if (list) {
+    const std::vector<double>& gaps = near_only ? list->near_gap : list->gap;
+    const int* near = near_only ? list->near.data() : nullptr;
     pairs.clear();
     for (size_t k = 0; k < gaps.size(); ++k) {
-      const int i = near ? near[k] : static_cast<int>(k);
+      const int i = near ? near[k] : of.first + static_cast<int>(k);
       const S bound = S(gaps[k]) - delta;
       if (memory.closed[i] || !(bound > S(0))) {
         pairs.push_back(i);
@@ -504,10 +510,10 @@ Status add_pairs(const ContactModel& model, const ContactMemory& memory,
       }
     }
   } else {
-    pairs.resize(model.pairs.size());
-    std::iota(pairs.begin(), pairs.end(), 0);
+    pairs.resize(static_cast<size_t>(of.count));
+    std::iota(pairs.begin(), pairs.end(), of.first);
   }
-  const auto was_closed_at = [&](int i) { return listed && memory.closed[i]; };
+  const auto was_closed_at = [&](int i) { return list && memory.closed[i]; };
   const int count = static_cast<int>(pairs.size());
   [[maybe_unused]] int one_by_one = 0;  // pairs before this one are not evaluated together
   for (int k = 0; k < count; ++k) {
@@ -538,7 +544,7 @@ Status add_pairs(const ContactModel& model, const ContactMemory& memory,
     const S gap =
         find_pair<S>(model, pair, motion, work, was_closed ? S(kNoGap) : S(0), c, &places);
     out.gap = std::min<S>(out.gap, gap);
-    if (gap >= S(0)) ++work.searched;
+    if (gap >= S(0)) ++work.searched[body];
     if (gap >= S(0) && !was_closed) continue;
 
     // States that must not be accepted: no place is on the side of the last one, or one is too
@@ -571,6 +577,18 @@ Status add_pairs(const ContactModel& model, const ContactMemory& memory,
     work.way[i] = c.second - c.first;
   }
   return {};
+}
+
+/// Of all bodies together. @param R  axes of the body in G
+template <class S>
+void add_sums(const ContactResult<S>& part, const Mat3<S>& R, ContactResult<S>& out) {
+  out.energy += part.energy;
+  out.contact_power += part.contact_power;
+  out.friction_power += part.friction_power;
+  out.gap = std::min<S>(out.gap, part.gap);
+  out.depth_ratio = std::max<S>(out.depth_ratio, part.depth_ratio);
+  out.active_count += part.active_count;
+  for (int i = 0; i < kMaxSurfaces; ++i) out.surface_force[i] += R * part.surface_force[i];
 }
 
 /// The absorber acts at the origin of P, where its depth is measured: its power is then -F d'.
@@ -609,6 +627,8 @@ ContactWorkspace<S>::ContactWorkspace(const ContactModel& model) {
   passive_plates = passive_local = cast_plates(model.passive);
   is_placed.assign(model.passive.size(), 0);
   closed.assign(model.pairs.size(), 0);
+  searched.assign(model.bodies.size(), 0);
+  on_passive.resize(model.bodies.size() - 1);
   way.assign(model.pairs.size(), Vec3<S>::Zero());
   size_t most = 1, all = 0;
   for (const ContactPair& pair : model.pairs) {
@@ -629,7 +649,7 @@ ContactWorkspace<S>::ContactWorkspace(const ContactModel& model) {
 
 template <class S>
 Status calc_contact(const ContactModel& model, const ContactMemory& memory,
-                    const RelativeMotion<S>& motion, const S* z, S* z_dot,
+                    const HardwareMotion<S>& motion, const S* z, S* z_dot,
                     ContactWorkspace<S>& work, ContactResult<S>& out) {
   out = ContactResult<S>();
   if (model.kind == ContactModel::Kind::kAbsorber) {
@@ -637,34 +657,46 @@ Status calc_contact(const ContactModel& model, const ContactMemory& memory,
   }
   if (!model.has_surfaces()) return {};
   std::fill(work.closed.begin(), work.closed.end(), 0);
+  std::fill(work.searched.begin(), work.searched.end(), 0);
+  work.touching.clear();
   const bool bristles = model.law.friction_model == 2;
-  const Status status =
-      add_pairs<S>(model, memory, motion, bristles ? z : nullptr, z_dot, work, out);
+  if (!bristles) z = nullptr;
+  Status status = add_pairs<S>(model, 0, memory, motion, z, z_dot, work, out);
+  for (int body = 1; body < model.body_count() && status.ok(); ++body) {
+    ContactResult<S> part;
+    status = add_pairs<S>(model, body, memory, motion.of(body), z, z_dot, work, part);
+    work.on_passive[body - 1] = part.on_passive;
+    add_sums(part, motion.R * motion.of(body).R.transpose(), out);
+  }
   if (bristles && status.ok()) add_bristles<S>(model, work.closed, z, z_dot, out);
   return status;
 }
 
 template <class S>
-S find_gap(const ContactModel& model, const ContactMemory& memory, const RelativeMotion<S>& motion,
+S find_gap(const ContactModel& model, const ContactMemory& memory, const HardwareMotion<S>& motion,
            ContactWorkspace<S>& work) {
   if (model.kind == ContactModel::Kind::kAbsorber) return motion.p[0];
-  forget_plates(work);
   S gap = S(kNoGap);
-  const auto look_at = [&](int i) {
-    Place<S> c;
-    gap = std::min<S>(gap, find_pair<S>(model, model.pairs[i], motion, work, gap, c));
-  };
-  const bool listed = memory.has_reference;
-  const S from_all = listed ? find_displacement<S>(model, memory.all, motion) : S(0);
-  if (listed) {  // the closest pair is one of those that were near, as a rule
-    const S from_close = find_displacement<S>(model, memory.close, motion);
-    for (size_t k = 0; k < memory.near.size(); ++k) {
-      if (S(memory.near_gap[k]) - from_close < gap) look_at(memory.near[k]);
+  for (int body = 0; body < model.body_count(); ++body) {
+    const ActiveBody& of = model.bodies[body];
+    const RelativeMotion<S>& seen = motion.of(body);
+    const NeighbourList* list = memory.find_list(body);
+    const S from_all = list ? find_displacement<S>(of, list->all, seen) : S(0);
+    const auto look_at = [&](int i) {
+      Place<S> c;
+      gap = std::min<S>(gap, find_pair<S>(model, model.pairs[i], seen, work, gap, c));
+    };
+    forget_plates(work);
+    if (list) {  // the closest pair is one of those that were near, as a rule
+      const S from_close = find_displacement<S>(of, list->close, seen);
+      for (size_t k = 0; k < list->near.size(); ++k) {
+        if (S(list->near_gap[k]) - from_close < gap) look_at(list->near[k]);
+      }
+      if (!(S(list->radius) - from_all < gap)) continue;
     }
-    if (!(S(memory.radius) - from_all < gap)) return gap;
-  }
-  for (int i = 0; i < model.pair_count(); ++i) {
-    if (!listed || S(memory.gap[i]) - from_all < gap) look_at(i);
+    for (int k = 0; k < of.count; ++k) {
+      if (!list || S(list->gap[k]) - from_all < gap) look_at(of.first + k);
+    }
   }
   return gap;
 }
@@ -672,9 +704,9 @@ S find_gap(const ContactModel& model, const ContactMemory& memory, const Relativ
 #define DOCK_INSTANTIATE(S)                                                                     \
   template struct ContactWorkspace<S>;                                                          \
   template Status calc_contact<S>(const ContactModel&, const ContactMemory&,                    \
-                                  const RelativeMotion<S>&, const S*, S*, ContactWorkspace<S>&, \
+                                  const HardwareMotion<S>&, const S*, S*, ContactWorkspace<S>&, \
                                   ContactResult<S>&);                                           \
-  template S find_gap<S>(const ContactModel&, const ContactMemory&, const RelativeMotion<S>&,   \
+  template S find_gap<S>(const ContactModel&, const ContactMemory&, const HardwareMotion<S>&,   \
                          ContactWorkspace<S>&);
 
 DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)

@@ -49,12 +49,13 @@ ProfileBox find_box(const Profile& profile) {
   return box;
 }
 
-double find_bounding_radius(const std::vector<Core>& cores) {
+double find_bounding_radius(const std::vector<Core>& cores, int body) {
   double radius = 0.0;
   const auto include = [&](const Vec3<double>& point, double rounding) {
     radius = std::max(radius, point.norm() + rounding);
   };
   for (const Core& core : cores) {
+    if (core.body != body) continue;
     const CoreSphere sphere = find_sphere(core);
     switch (core.kind) {
       case CoreKind::kPoint:

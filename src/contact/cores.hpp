@@ -1,7 +1,8 @@
 // Contact hardware as data: the cores that one side carries.
 //
-// A surface is a core plus a rounding radius. Cores stand in axes of their body: G on the active
-// side, P on the passive side. Pairs of cores and their laws: contact_model.hpp.
+// A surface is a core plus a rounding radius. Cores stand in axes of their body: G or another body
+// of the mechanism on the active side, P on the passive side. Pairs of cores and their laws:
+// contact_model.hpp.
 #pragma once
 
 #include <string>
@@ -30,6 +31,7 @@ struct ProfileBox {
 struct Core {
   std::string name;  ///< in words, for messages
   CoreKind kind = CoreKind::kPoint;
+  int body = 0;                               ///< of ContactModel::bodies, on the active side
   double rounding = 0.0;                      ///< [m]
   Vec3<double> point = Vec3<double>::Zero();  ///< of kPoint; an end of kSegment [m]
   Vec3<double> end = Vec3<double>::Zero();    ///< the other end of kSegment [m]
@@ -81,7 +83,7 @@ Annulus<double> get_annulus(const Core& core);
 CoreSphere find_sphere(const Core& core);
 ProfileBox find_box(const Profile& profile);
 
-/// Radius of a sphere about the origin that contains all surfaces [m].
-double find_bounding_radius(const std::vector<Core>& cores);
+/// Radius of a sphere about the origin that contains all surfaces of one body [m].
+double find_bounding_radius(const std::vector<Core>& cores, int body = 0);
 
 }  // namespace dockloop

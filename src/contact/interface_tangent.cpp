@@ -120,23 +120,26 @@ LatchSlopes find_slopes(const LatchLaw& law, const LatchState& state, double t,
 
 }  // namespace
 
-void add_contact_tangent(const ContactModel& model, const ContactMemory& memory,
-                         const RelativeMotion<double>& motion, const ContactWorkspace<double>& work,
+void add_contact_tangent(const ContactModel& model, int body, const ContactMemory& memory,
+                         const HardwareMotion<double>& motion, const ContactWorkspace<double>& work,
                          const ContactResult<double>& result, InterfaceTangent& tangent) {
   if (model.kind == ContactModel::Kind::kAbsorber) {
     add_absorber(model.absorber, memory.absorber, motion, result, tangent);
   }
   if (!model.has_surfaces() || result.active_count == 0) return;
-  auto place = work.touching.begin();
-  for (int i = 0; i < model.pair_count(); ++i) {
+  const ActiveBody& of = model.bodies[body];
+  const RelativeMotion<double>& to = motion.of(body);
+  auto place = std::find_if(work.touching.begin(), work.touching.end(),
+                            [&](const Touching& each) { return each.pair >= of.first; });
+  for (int i = of.first; i < of.first + of.count; ++i) {
     if (!work.closed[i]) continue;
     if (model.pairs[i].node_set >= 0) {
-      add_place(model, i, motion, find_pressed_node(model, i, motion, work), tangent);
+      add_place(model, i, to, find_pressed_node(model, i, to, work), tangent);
       continue;
     }
     for (; place != work.touching.end() && place->pair == i; ++place) {
       const double depth = model.pairs[i].rounding - place->root;
-      add_place(model, i, motion, {place->way / place->root, place->middle, depth, place->sign},
+      add_place(model, i, to, {place->way / place->root, place->middle, depth, place->sign},
                 tangent);
     }
   }

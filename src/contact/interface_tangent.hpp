@@ -23,9 +23,10 @@ struct InterfaceTangent {
   Mat6<double> damping = Mat6<double>::Zero();    ///< C: by velocity
 };
 
-/// @pre calc_contact() at this motion, with this workspace and result. No allocation.
-void add_contact_tangent(const ContactModel& model, const ContactMemory& memory,
-                         const RelativeMotion<double>& motion, const ContactWorkspace<double>& work,
+/// Of the pairs of one body with active cores, which takes the place of G. No allocation.
+/// @pre calc_contact() at this motion, with this workspace and result
+void add_contact_tangent(const ContactModel& model, int body, const ContactMemory& memory,
+                         const HardwareMotion<double>& motion, const ContactWorkspace<double>& work,
                          const ContactResult<double>& result, InterfaceTangent& tangent);
 
 /// Of held and releasing latches, and of pawls along their axis.

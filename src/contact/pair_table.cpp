@@ -47,7 +47,7 @@ void add_pairs(ContactModel& m, bool flip, const CoreList& first, const CoreList
   for (const int i : first) {
     for (const int j : second) {
       m.pairs.push_back({find_kind(own[i], other[j], m.rings), flip, i, j, law,
-                         own[i].rounding + other[j].rounding});
+                         own[i].rounding + other[j].rounding, -1, (flip ? other[j] : own[i]).body});
     }
   }
 }
@@ -72,7 +72,7 @@ void make_node_sets(ContactModel& m) {
   const auto belong_together = [&](const ContactPair& a, const ContactPair& b) {
     const std::vector<Core>& own = a.first_on_passive ? m.passive : m.active;
     return b.kind == PairKind::kPointAnnulus && a.first_on_passive == b.first_on_passive &&
-           a.second == b.second && a.law == b.law && a.rounding == b.rounding &&
+           a.body == b.body && a.second == b.second && a.law == b.law && a.rounding == b.rounding &&
            own[a.first].surface == own[b.first].surface;
   };
   for (int i = 0; i < m.pair_count();) {
@@ -95,10 +95,21 @@ void finish(ContactModel& m) {
       if (core.kind == CoreKind::kRevolution) core.box = find_box(core.profile);
     }
   }
-  m.bounding_radius = std::max(find_bounding_radius(m.active), find_bounding_radius(m.passive));
+  std::stable_sort(m.pairs.begin(), m.pairs.end(),
+                   [](const ContactPair& a, const ContactPair& b) { return a.body < b.body; });
   m.least_rounding = kNoGap;
   for (const ContactPair& pair : m.pairs) {
     m.least_rounding = std::min(m.least_rounding, pair.rounding);
+    ++m.bodies[pair.body].count;
+  }
+  int first = 0;
+  for (int body = 0; body < m.body_count(); ++body) {
+    ActiveBody& of = m.bodies[body];
+    of.first = first;
+    first += of.count;
+    of.bounding_radius =
+        std::max(find_bounding_radius(m.active, body), find_bounding_radius(m.passive));
+    m.bounding_radius = std::max(m.bounding_radius, of.bounding_radius);
   }
   make_node_sets(m);
 }
@@ -186,6 +197,7 @@ void add_side(ContactModel& m, const std::vector<NamedCore>& named, NamedSide& s
     for (const std::string& group : pieces) {
       core.piece_surfaces.push_back(add_surface(m, group, side.on_passive));
     }
+    if (core.body >= m.body_count()) m.bodies.resize(static_cast<size_t>(core.body) + 1);
     side.cores.push_back(core);
     side.group.push_back(each.group);
     side.law.push_back(each.law);
@@ -199,6 +211,7 @@ void add_side(ContactModel& m, const std::vector<NamedCore>& named, NamedSide& s
                                   plate.plate.corner[edge], plate.plate.corner[(edge + 1) % 4],
                                   plate.rounding);
       segment.surface = plate.surface;
+      segment.body = plate.body;
       side.cores[i].edges[k] = static_cast<int>(side.cores.size());
       side.cores.push_back(segment);
     }

@@ -82,12 +82,13 @@ struct StateLayout {
 /// A mechanism that is held still relative to its vehicle: with it, it is one rigid body, and
 /// evaluations need nothing else of it. Axes and origin of the chaser.
 struct LockedMechanism {
-  VehicleBody mechanism;  ///< all bodies but the chaser
-  VehicleBody parts;      ///< those of them that are parts of the chaser
-  VehicleBody whole;      ///< chaser (if it moves) and mechanism
-  Pose<double> capture;   ///< G
-  Pose<double> carrier;   ///< body on which the mechanism stands
-  VecX<double> q;         ///< all coordinates, where they are held
+  VehicleBody mechanism;                     ///< all bodies but the chaser
+  VehicleBody parts;                         ///< those of them that are parts of the chaser
+  VehicleBody whole;                         ///< chaser (if it moves) and mechanism
+  Pose<double> capture;                      ///< G
+  std::vector<Pose<double>> contact_bodies;  ///< as in MechanismModel
+  Pose<double> carrier;                      ///< body on which the mechanism stands
+  VecX<double> q;                            ///< all coordinates, where they are held
   // With a rigid joint only
   bool has_target = false;
   Pose<double> target_pose;  ///< D
@@ -136,7 +137,7 @@ struct DockingModel {
 struct DiscreteState {
   std::array<LatchState, kMaxLatches> latch;
   bool contacted = false;         ///< first contact has happened
-  bool captured = false;          ///< all latches hold
+  bool captured = false;          ///< all latches hold, or the sequence states a grasp
   double time_of_contact = -1.0;  ///< [s] since start
   double time_of_capture = -1.0;  ///< [s] since start
   bool thrust_on = false;
@@ -187,16 +188,18 @@ struct DockingData {
   MechanismData<S> mechanism;
   std::optional<TargetData<S>> target;  ///< if the model has it
   BaseMotion<S> base;
-  std::array<FrameMotion<S>, 2> vehicle;    ///< CoM frames C, D
-  std::array<FrameMotion<S>, 2> carrier;    ///< adapters, or again C, D
-  std::array<FrameMotion<S>, 2> interface;  ///< A, P
-  FrameMotion<S> capture;                   ///< G
-  RelativeMotion<S> relative;               ///< P relative to G
-  RelativeMotion<S> across;                 ///< P relative to A, where something acts across
+  std::array<FrameMotion<S>, 2> vehicle;       ///< CoM frames C, D
+  std::array<FrameMotion<S>, 2> carrier;       ///< adapters, or again C, D
+  std::array<FrameMotion<S>, 2> interface;     ///< A, P
+  FrameMotion<S> capture;                      ///< G
+  std::vector<FrameMotion<S>> contact_bodies;  ///< others with active cores, see ContactModel
+  HardwareMotion<S> relative;                  ///< P relative to G and to them
+  RelativeMotion<S> across;                    ///< P relative to A, where something acts across
   ContactWorkspace<S> contact_work;
   ContactResult<S> contact;
   LatchResult<S> latch;
   Wrench<S> on_passive;  ///< contact and latches, about G, axes of O
+  Wrench<S> by_capture;  ///< the part of it that acts between P and G
   HardDockResult<S> hard_dock;
   VehicleForceLoad<S> forces;  ///< between the vehicles
   Wrench<S> on_target;         ///< hard dock and forces, or rigid joint, about A, axes of O

@@ -148,6 +148,9 @@ void calc_locked_kinematics(const DockingModel& model, const S* y, DockingData<S
   }
   data.carrier[kChaser] = find_frame_on(chaser, locked.carrier);
   data.capture = find_frame_on(chaser, locked.capture);
+  for (size_t i = 0; i < data.contact_bodies.size(); ++i) {
+    data.contact_bodies[i] = find_frame_on(chaser, locked.contact_bodies[i]);
+  }
   calc_frames(model, y, data);
 }
 
@@ -215,6 +218,10 @@ void calc_frames(const DockingModel& model, const S* y, DockingData<S>& data) {
             ? get_body_motion(data.mechanism.tree, model.mechanism.model.carrier)
             : data.vehicle[kChaser];
     data.capture = find_capture_motion(model, data.mechanism.tree);
+    for (size_t i = 0; i < data.contact_bodies.size(); ++i) {
+      data.contact_bodies[i] =
+          get_body_motion(data.mechanism.tree, model.mechanism.model.contact_bodies[i]);
+    }
   }
   data.interface[kChaser] =
       find_frame_on(data.carrier[kChaser], model.interface_on_carrier[kChaser]);
@@ -236,10 +243,16 @@ void calc_frames(const DockingModel& model, const S* y, DockingData<S>& data) {
     if (is_joined) {
       const Pose<double> P = data.locked->target_pose * model.interface_pose[kTarget];
       data.relative = find_rest<S>(inverse(data.locked->capture) * P);
+      for (size_t i = 0; i < data.contact_bodies.size(); ++i) {
+        data.relative.others[i] = find_rest<S>(inverse(data.locked->contact_bodies[i]) * P);
+      }
       data.across = find_rest<S>(inverse(model.interface_pose[kChaser]) * P);
       return;
     }
     data.relative = find_relative(data.capture, data.interface[kTarget]);
+    for (size_t i = 0; i < data.contact_bodies.size(); ++i) {
+      data.relative.others[i] = find_relative(data.contact_bodies[i], data.interface[kTarget]);
+    }
     if (model.acts_across()) {
       data.across = find_relative(data.interface[kChaser], data.interface[kTarget]);
     }
@@ -248,15 +261,27 @@ void calc_frames(const DockingModel& model, const S* y, DockingData<S>& data) {
 
 namespace {
 
+/// Contact between P and another body than that of G, about the origin of the body, axes of O.
+template <class S>
+Wrench<S> find_load_of_body(size_t body, const DockingData<S>& data) {
+  const Mat3<S>& R = data.contact_bodies[body].R;
+  const Wrench<S>& load = data.contact_work.on_passive[body];
+  Wrench<S> turned;
+  turned.f = R * load.f;
+  turned.t = R * load.t;
+  return turned;
+}
+
 /// Contact and latches, and their load on the capture body.
 template <class S>
 Status calc_capture_forces(const DockingModel& model, const DiscreteState& discrete,
                            const ContactMemory& memory, S t, const S* y, S* ydot,
                            DockingData<S>& data) {
-  data.on_passive = Wrench<S>();
+  data.on_passive = data.by_capture = Wrench<S>();
   if (!model.present[kTarget]) return {};
   if (!data.touches) {
     data.contact = ContactResult<S>();
+    for (Wrench<S>& load : data.contact_work.on_passive) load = Wrench<S>();
     data.latch.power = S(0);
     if (ydot) std::fill_n(ydot + model.layout.bristles, model.layout.bristle_count, S(0));
     return {};
@@ -277,6 +302,12 @@ Status calc_capture_forces(const DockingModel& model, const DiscreteState& discr
   }
   data.on_passive.f = data.capture.R * data.on_passive.f;
   data.on_passive.t = data.capture.R * data.on_passive.t;
+  data.by_capture = data.on_passive;
+  for (size_t i = 0; i < data.contact_bodies.size(); ++i) {
+    const Wrench<S> load = find_load_of_body(i, data);
+    data.on_passive.f += load.f;
+    data.on_passive.t += load.t + (data.contact_bodies[i].p - data.capture.p).cross(load.f);
+  }
   return {};
 }
 
@@ -329,6 +360,8 @@ DockingData<S>::DockingData(const DockingModel& model)
   command.setZero(count_commands(model.mechanism.model));
   joint_force.setZero(static_cast<int>(model.mechanism.model.forces.size()));
   bristle_rate.setZero(model.layout.bristle_count);
+  contact_bodies.resize(model.contact.bodies.size() - 1);
+  relative.others.resize(contact_bodies.size());
 }
 
 template <class S>
@@ -380,24 +413,31 @@ void calc_docking_reactions(const DockingModel& model, DockingData<S>& data) {
     return;
   }
   const FrameMotion<S>& chaser = data.vehicle[kChaser];
-  Wrench<S> captured;  // load of the capture interface on the mechanism, about the chaser's origin
-  captured.f = -data.on_passive.f;
-  captured.t = -data.on_passive.t - (data.capture.p - chaser.p).cross(data.on_passive.f);
+  // Load of the capture interface on bodies of the chaser, about the chaser's origin.
+  const auto find_captured = [&](const Wrench<S>& on_passive) {
+    Wrench<S> captured;
+    captured.f = -on_passive.f;
+    captured.t = -on_passive.t - (data.capture.p - chaser.p).cross(on_passive.f);
+    return captured;
+  };
+  const int capture_body = model.mechanism.model.capture_body;
+  Wrench<S> on_mechanism = data.on_passive;
+  if (capture_body == vehicle) on_mechanism -= data.by_capture;
   Vec3<S> a = -data.base.gravity, alpha = Vec3<S>::Zero();
   if (vehicle != kBase) {
-    const Wrench<S> load = data.mechanism.tree.external[vehicle] + captured;
+    const Wrench<S> load = data.mechanism.tree.external[vehicle] + find_captured(data.on_passive);
     calc_rigid_acceleration(data.locked->whole, chaser, load, a, alpha);
     data.mechanism.tree.a[vehicle] = a;
     data.mechanism.tree.alpha[vehicle] = alpha;
   }
   on_base = S(-1) * find_inertial_load(data.locked->mechanism, chaser, a, alpha);
-  if (model.mechanism.model.capture_body != vehicle) on_base += captured;
+  on_base += find_captured(on_mechanism);
   data.on_chaser = on_base;
   if (data.locked->parts.mass > 0.0) {
     on_base += find_inertial_load(data.locked->parts, chaser, a, alpha);
   }
   if (carrier != vehicle) {
-    if (model.mechanism.model.capture_body == carrier) on_base -= captured;
+    if (capture_body == carrier) on_base -= find_captured(data.by_capture);
     if (model.acts_across()) {
       const Vec3<S> arm = data.interface[kChaser].p - chaser.p;
       data.on_chaser.f -= data.on_target.f;
@@ -492,9 +532,12 @@ void calc_outside_loads(const DockingModel& model, const DiscreteState& discrete
   const int capture_body = model.mechanism.model.capture_body;
   if (capture_body != kBase && !data.locked) {
     Wrench<S>& load = mechanism.tree.external[capture_body];
-    load.f -= data.on_passive.f;
-    load.t -= data.on_passive.t +
-              (data.capture.p - mechanism.tree.p[capture_body]).cross(data.on_passive.f);
+    load.f -= data.by_capture.f;
+    load.t -= data.by_capture.t +
+              (data.capture.p - mechanism.tree.p[capture_body]).cross(data.by_capture.f);
+  }
+  for (size_t i = 0; i < data.contact_bodies.size() && !data.locked; ++i) {
+    mechanism.tree.external[model.mechanism.model.contact_bodies[i]] -= find_load_of_body(i, data);
   }
   data.thrust = discrete.thrust_on
                     ? find_frame_on(data.vehicle[kChaser], model.interface_pose[kChaser]).R.col(0) *
@@ -539,7 +582,8 @@ void calc_target_loads(const DockingModel& model, const ExternalLoads<S>& loads,
 template <class S>
 void calc_joined_loads(const DockingModel& model, const DiscreteState& discrete,
                        const ExternalLoads<S>& loads, const S& t, DockingData<S>& data) {
-  data.on_passive = Wrench<S>();
+  data.on_passive = data.by_capture = Wrench<S>();
+  for (Wrench<S>& load : data.contact_work.on_passive) load = Wrench<S>();
   data.contact.contact_power = data.contact.friction_power = S(0);
   data.joints = JointForceSums<S>();
   data.elements.sums = {};

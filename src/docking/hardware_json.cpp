@@ -11,7 +11,8 @@ namespace {
 constexpr int kMaxPoints = 360;  ///< of one entry
 
 /// Members of every core.
-constexpr const char* kCommonMembers[] = {"name", "kind", "rounding", "group", "law", "comment"};
+constexpr const char* kCommonMembers[] = {"name", "kind", "rounding", "group",
+                                          "law",  "body", "comment"};
 
 /// Refuses members that do not belong to the kind of a core.
 void check_members(const JsonReader& item, std::initializer_list<const char*> of_kind) {
@@ -120,7 +121,24 @@ std::vector<Core> read_cores(const JsonReader& item, const std::string& name) {
                        "'; known kinds are point, segment, plate, revolution, nodes");
 }
 
-std::vector<NamedCore> read_side(const JsonReader& contact, const char* side) {
+/// Index in ContactModel::bodies; a body that is new becomes a contact body of the mechanism.
+int read_body(const JsonReader& item, const std::string& side, MechanismModel& mechanism) {
+  if (!item.has("body")) return 0;
+  const JsonReader name = item.at("body");
+  if (side == "passive") name.fail("belongs to active cores only; passive cores move with P");
+  const int body = find_body(mechanism, name.text(), name.path());
+  if (body == kBase) {
+    name.fail("is 'base'; cores move with a body of the mechanism, or with G without this member");
+  }
+  std::vector<int>& bodies = mechanism.contact_bodies;
+  const auto known = std::find(bodies.begin(), bodies.end(), body);
+  const int index = static_cast<int>(known - bodies.begin());
+  if (known == bodies.end()) bodies.push_back(body);
+  return 1 + index;
+}
+
+std::vector<NamedCore> read_side(const JsonReader& contact, const char* side,
+                                 MechanismModel& mechanism) {
   std::vector<NamedCore> cores;
   std::vector<std::string> names;
   for (const JsonReader& item : contact.list(side, kMaxItems)) {
@@ -132,11 +150,13 @@ std::vector<NamedCore> read_side(const JsonReader& contact, const char* side) {
     NamedCore named;
     named.group = item.text("group", name);
     named.law = item.text("law", "");
+    const int body = read_body(item, side, mechanism);
     for (const JsonReader& group : item.list("piece_groups", kMaxItems)) {
       named.piece_groups.push_back(group.text());
     }
     for (const Core& core : read_cores(item, "'" + name + "' of the " + side + " side")) {
       named.core = core;
+      named.core.body = body;
       const int pieces = core.profile.piece_count();
       const int groups = static_cast<int>(named.piece_groups.size());
       if (groups > 0 && groups != pieces) {
@@ -227,9 +247,11 @@ void read_single_latches(const std::vector<JsonReader>& items, const JsonReader*
 
 }  // namespace
 
-ContactModel read_surfaces(const JsonReader& contact, const ContactLaw& law) {
-  return make_surface_contact(read_side(contact, "active"), read_side(contact, "passive"),
-                              read_pairs(contact), law, read_laws(contact));
+ContactModel read_surfaces(const JsonReader& contact, const ContactLaw& law,
+                           MechanismModel& mechanism) {
+  const std::vector<NamedCore> active = read_side(contact, "active", mechanism);
+  return make_surface_contact(active, read_side(contact, "passive", mechanism), read_pairs(contact),
+                              law, read_laws(contact));
 }
 
 LatchSet read_latches(const JsonReader& item) {

@@ -25,7 +25,7 @@ enum Phase {
 inline const ChoiceList kPhases = {
     {kApproach, "approach", "before the first contact"},
     {kContact, "contact", "after first contact, not all latches hold"},
-    {kCaptured, "captured", "all latches hold, the distance still decreases"},
+    {kCaptured, "captured", "all latches hold or a grasp holds, the distance still decreases"},
     {kAttenuating, "attenuating", "all latches hold, the motion has reversed at least once"},
     {kAligned, "aligned",
      "all latches hold, at rest: below 1 mm/s for rings of 1.2 m, see phases.aligned_speed, and "
@@ -53,7 +53,7 @@ enum Outcome {
 };
 inline const ChoiceList kOutcomes = {
     {kUndecided, "undecided", "no final outcome yet"},
-    {kOutcomeCaptured, "captured", "all latches hold"},
+    {kOutcomeCaptured, "captured", "all latches hold, or the sequence states a grasp"},
     {kPartialCapture, "partial capture", "some latches hold"},
     {kOutcomeRebound, "rebound", "contact and separation without a latch"},
     {kMiss, "miss", "separation or passing without contact"},

@@ -11,20 +11,53 @@
 namespace dockloop {
 namespace {
 
+/// G and the other bodies with active cores in A, mechanism in home pose.
+std::vector<Pose<double>> find_active_poses(const Scene& scene) {
+  const MechanismModel& model = scene.mechanism;
+  std::vector<Pose<double>> poses{model.capture_in_body};
+  if (model.capture_body != kBase || scene.contact.body_count() > 1) {
+    Mechanism mechanism(model);
+    MechanismData<double> data(mechanism);
+    calc_home_position(mechanism, "mechanism", data);
+    const auto find_pose = [&](int body) {
+      return Pose<double>{data.tree.R[body], data.tree.p[body]};
+    };
+    if (model.capture_body != kBase) poses[0] = find_pose(model.capture_body) * poses[0];
+    for (int i = 1; i < scene.contact.body_count(); ++i) {
+      poses.push_back(find_pose(model.contact_bodies[i - 1]));
+    }
+  }
+  for (Pose<double>& pose : poses) pose = scene.base_in_interface * pose;
+  return poses;
+}
+
+/// P relative to these bodies, at rest. @param R, p  pose of P in A
+HardwareMotion<double> find_motion(const std::vector<Pose<double>>& active, const Mat3<double>& R,
+                                   const Vec3<double>& p) {
+  const auto find = [&](const Pose<double>& body) {
+    RelativeMotion<double> relative;
+    relative.R = body.R.transpose() * R;
+    relative.p = body.R.transpose() * (p - body.p);
+    return relative;
+  };
+  HardwareMotion<double> motion = find(active[0]);
+  for (size_t i = 1; i < active.size(); ++i) motion.others.push_back(find(active[i]));
+  return motion;
+}
+
 /// Distance along x of A at which the surfaces just touch, from a large distance. The gap changes
 /// at most by the distance moved, so a step of the gap cannot pass a contact.
 double find_touching_distance(const Scene& scene, const Mat3<double>& R_AP,
-                              const Vec3<double>& lateral, const Pose<double>& G_in_A,
+                              const Vec3<double>& lateral, const std::vector<Pose<double>>& active,
                               bool& touches) {
   constexpr double kTouching = 1e-10;  // [m]
   ContactWorkspace<double> work(scene.contact);
-  double x = std::max(2.0 * scene.contact.bounding_radius, 1.0);  // an absorber has radius 0
+  const double radius = find_bounding_radius(scene.contact, find_motion(active, R_AP, lateral));
+  double x = std::max(2.0 * radius, 1.0);  // an absorber has radius 0
   touches = true;
-  for (int i = 0; i < 100000 && x >= -scene.contact.bounding_radius; ++i) {
-    RelativeMotion<double> relative;
-    relative.R = G_in_A.R.transpose() * R_AP;
-    relative.p = G_in_A.R.transpose() * (Vec3<double>(x, lateral.y(), lateral.z()) - G_in_A.p);
-    const double gap = find_gap(scene.contact, {}, relative, work);
+  for (int i = 0; i < 100000 && x >= -radius; ++i) {
+    const Vec3<double> p(x, lateral.y(), lateral.z());
+    const double gap = find_gap(scene.contact, {}, find_motion(active, R_AP, p), work);
     if (gap <= kTouching) return x;
     x -= gap;
   }
@@ -33,7 +66,8 @@ double find_touching_distance(const Scene& scene, const Mat3<double>& R_AP,
 }
 
 /// Gap of the surfaces at the start, mechanism in home pose [m].
-double find_start_gap(const Scene& scene, const Placement& placement, const Pose<double>& G_in_A) {
+double find_start_gap(const Scene& scene, const Placement& placement,
+                      const std::vector<Pose<double>>& active) {
   std::array<Pose<double>, 2> interface;
   for (int i : {kChaser, kTarget}) {
     const VehicleParameters& p = placement.vehicle[i];
@@ -41,12 +75,9 @@ double find_start_gap(const Scene& scene, const Placement& placement, const Pose
     interface[i] = Pose<double>{quat_to_matrix<double>(p.attitude), from_target} *
                    Pose<double>{quat_to_matrix<double>(p.interface_attitude), p.interface_position};
   }
-  const Pose<double> G_to_P = inverse(interface[kChaser] * G_in_A) * interface[kTarget];
-  RelativeMotion<double> relative;
-  relative.R = G_to_P.R;
-  relative.p = G_to_P.p;
+  const Pose<double> P = inverse(interface[kChaser]) * interface[kTarget];
   ContactWorkspace<double> work(scene.contact);
-  return find_gap(scene.contact, {}, relative, work);
+  return find_gap(scene.contact, {}, find_motion(active, P.R, P.p), work);
 }
 
 /// Motion of a rigid body without loads.
@@ -118,19 +149,11 @@ Placement find_placement(const Scene& scene) {
   const Vec4<double> q_AP = quat_multiply<double>(
       quat_exp<double>(at.tilt), quat_exp<double>(Vec3<double>(at.roll, 0.0, 0.0)));
   const Mat3<double> R_AP = quat_to_matrix<double>(q_AP);
-  Pose<double> G_in_A = scene.mechanism.capture_in_body;
-  if (scene.mechanism.capture_body != kBase) {
-    Mechanism mechanism(scene.mechanism);
-    MechanismData<double> data(mechanism);
-    calc_home_position(mechanism, "mechanism", data);
-    const int body = scene.mechanism.capture_body;
-    G_in_A = Pose<double>{data.tree.R[body], data.tree.p[body]} * G_in_A;
-  }
-  G_in_A = scene.base_in_interface * G_in_A;
+  const std::vector<Pose<double>> active = find_active_poses(scene);
   Vec3<double> p_AP = at.lateral;
   p_AP.x() = scene.contact.empty()
                  ? 0.0
-                 : find_touching_distance(scene, R_AP, at.lateral, G_in_A, placement.touches);
+                 : find_touching_distance(scene, R_AP, at.lateral, active, placement.touches);
   const Vec3<double> v_AP(-at.closing_speed, at.lateral_velocity.y(), at.lateral_velocity.z());
 
   // Chaser from target, through A and P.
@@ -155,7 +178,7 @@ Placement find_placement(const Scene& scene) {
     if (scene.motion[kTarget] != Motion::kFixed) {
       make_free_body(scene, kTarget).take_back(at.approach_time, target);
     }
-    const double gap = scene.contact.empty() ? 0.0 : find_start_gap(scene, placement, G_in_A);
+    const double gap = scene.contact.empty() ? 0.0 : find_start_gap(scene, placement, active);
     if (gap < 0.0) {
       char text[400];
       std::snprintf(text, sizeof text,

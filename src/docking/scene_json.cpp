@@ -110,7 +110,7 @@ void read_contact(const JsonReader& mechanism, const JsonReader* overrides, Scen
   }
   if (overrides) read_contact_law(*overrides, law, scene.restitution, scene.restitution_speed);
   if (type == "surfaces") {
-    scene.contact = read_surfaces(item, law);
+    scene.contact = read_surfaces(item, law, scene.mechanism);
     return;
   }
   // The same hardware on both sides.
@@ -156,13 +156,14 @@ void read_initial(const JsonReader& item, Scene& scene) {
 }
 
 /// Hard dock, sequence, which names parts of it, and the steps that failures name.
-/// @pre mechanism and latches of the scene
+/// @pre mechanism, contact and latches of the scene
 void read_sequence_and_hard_dock(const JsonReader& mechanism, Scene& scene) {
   if (scene.has_target && mechanism.has("interface")) {
     scene.hard_dock = read_hard_dock(mechanism.at("interface"));
   }
-  scene.sequence = read_sequence(mechanism, scene.mechanism,
-                                 scene.has_target ? &scene.latches : nullptr, scene.hard_dock);
+  scene.sequence =
+      read_sequence(mechanism, scene.mechanism, scene.has_target ? &scene.latches : nullptr,
+                    scene.contact, scene.hard_dock);
   size_t k = 0;
   for (const JsonReader& item : mechanism.list("failures", kMaxItems)) {
     find_step(item, scene.sequence, scene.mechanism.failures[k++].onset);
@@ -423,12 +424,10 @@ Capture read_capture(const std::string& json_text, const std::string& source_nam
   const JsonReader mechanism = file.has("mechanism") ? file.at("mechanism") : file;
   return read_named(source_name, [&] {
     Scene scene;
+    scene.mechanism = read_mechanism(mechanism.node().dump(), source_name);
     if (mechanism.has("contact")) read_contact(mechanism, nullptr, scene);
     if (mechanism.has("latches")) scene.latches = read_latches(mechanism.at("latches"));
-    if (mechanism.has("sequence")) {
-      scene.mechanism = read_mechanism(mechanism.node().dump(), source_name);
-      read_sequence_and_hard_dock(mechanism, scene);
-    }
+    if (mechanism.has("sequence")) read_sequence_and_hard_dock(mechanism, scene);
     return Capture{scene.contact, scene.latches, scene.sequence};
   });
 }

@@ -71,6 +71,7 @@ enum class Measured : int {
   kLegRate,
   kLatchOpening,
   kLatchForce,
+  kSurfaceForce,  ///< index of ContactModel::surfaces
   kElementCoordinate,
   kElementRate,
   kElementForce,
@@ -125,6 +126,13 @@ struct LatchesAction {
   bool arm = false;
 };
 
+/// A mechanism without latches holds the target as it has closed around it, or lets go.
+struct GraspAction {
+  static constexpr const char* kKey = "grasp";
+  static constexpr auto kMembers = kNoMembers;
+  bool holds = false;
+};
+
 /// Drives run to a target, or are off.
 struct RunAction {
   static constexpr const char* kKey = "run";
@@ -175,8 +183,8 @@ struct JointAction {
   bool rigid = false;
 };
 
-using Action = std::variant<ThrustAction, LatchesAction, RunAction, EngagementAction, LockAction,
-                            HooksAction, PushersAction, JointAction>;
+using Action = std::variant<ThrustAction, LatchesAction, GraspAction, RunAction, EngagementAction,
+                            LockAction, HooksAction, PushersAction, JointAction>;
 
 struct SequenceStep {
   std::string name;
@@ -222,6 +230,7 @@ struct SequenceState {
   int outcome = 0;             ///< stated last; 0: none
   bool was_captured = false;   ///< at the last state
   bool is_armed = true;        ///< latches that have released may catch again
+  bool has_grasped = false;    ///< action
   double thrust_since = -1.0;  ///< action [s since the start], -1: off
   int command = kNoCommand;    ///< read last
   double held_since = 0.0;     ///< begin of the command kHold [s since the start]

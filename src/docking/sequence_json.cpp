@@ -14,9 +14,11 @@ struct QuantityName {
   Measured quantity;
   const char* name;
   const char* member;  ///< after the index
-  int count;           ///< -1: legs, -2: latches, 0: no index
+  int count;           ///< 0: no index; below 0: see kCounted
 };
-constexpr int kPerLeg = -1, kPerLatch = -2;
+constexpr int kPerLeg = -1, kPerLatch = -2, kPerSurface = -3;
+constexpr const char* kCounted[][2] = {
+    {"leg", "legs"}, {"latch", "latches"}, {"surface", "surfaces"}};
 constexpr QuantityName kQuantities[] = {
     {Measured::kTime, "time", "", 0},
     {Measured::kGap, "gap", "", 0},
@@ -40,6 +42,7 @@ constexpr QuantityName kQuantities[] = {
     {Measured::kLegRate, "leg", ".rate", kPerLeg},
     {Measured::kLatchOpening, "latch", ".opening", kPerLatch},
     {Measured::kLatchForce, "latch", ".force", kPerLatch},
+    {Measured::kSurfaceForce, "contact.surface", ".force", kPerSurface},
 };
 constexpr std::pair<Measured, const char*> kElementQuantities[] = {
     {Measured::kElementCoordinate, "coordinate"},
@@ -87,6 +90,7 @@ struct Context {
   const JsonReader& mechanism;
   const MechanismModel& model;
   const LatchSet* latches;
+  const ContactModel& contact;  ///< empty without a target
   const std::vector<std::string>& steps;
   const HardDock& hard_dock;  ///< empty without a target
 
@@ -125,6 +129,10 @@ bool read_element_quantity(const JsonReader& item, const Context& context, Condi
 int find_count(const QuantityName& entry, const Context& context) {
   if (entry.count == kPerLeg) return static_cast<int>(context.model.legs.size());
   if (entry.count == kPerLatch) return context.latches ? context.latches->count() : kMaxLatches;
+  if (entry.count == kPerSurface) {
+    if (context.contact.empty()) return context.mechanism.has("contact") ? kMaxSurfaces : 0;
+    return context.contact.rings ? 0 : static_cast<int>(context.contact.surfaces.size());
+  }
   return entry.count;
 }
 
@@ -147,10 +155,11 @@ std::string describe_count(const QuantityName& entry, const Context& context) {
   const int count = find_count(entry, context);
   const std::string number = std::to_string(count);
   if (entry.count > 0) return "its index is 1 to " + number;
-  const bool is_leg = entry.count == kPerLeg;
-  if (!is_leg && !context.latches) return "at most " + number + " latches are possible";
-  if (count == 1) return std::string("there is 1 ") + (is_leg ? "leg" : "latch");
-  return "there are " + number + (is_leg ? " legs" : " latches");
+  const auto& [one, many] = kCounted[-entry.count - 1];
+  if (entry.count != kPerLeg && !context.latches) {
+    return "at most " + number + " " + many + " are possible";
+  }
+  return count == 1 ? std::string("there is 1 ") + one : "there are " + number + " " + many;
 }
 
 void read_quantity(const JsonReader& item, const Context& context, Condition& condition) {
@@ -316,6 +325,15 @@ void read_action(const JsonReader& item, const Context&, ThrustAction& action) {
 
 void read_action(const JsonReader& item, const Context&, LatchesAction& action) {
   action.arm = read_word(item.at(LatchesAction::kKey), "arm", "release");
+}
+
+void read_action(const JsonReader& item, const Context& context, GraspAction& action) {
+  if (context.mechanism.has("latches")) {
+    item.fail(
+        "states a grasp, but the mechanism has latches, which decide the capture; leave out "
+        "one of both");
+  }
+  action.holds = read_word(item.at(GraspAction::kKey), "holds", "open");
 }
 
 void read_action(const JsonReader& item, const Context& context, RunAction& action) {
@@ -488,7 +506,8 @@ void check_reached(const JsonReader& item, const Sequence& sequence) {
 }  // namespace
 
 Sequence read_sequence(const JsonReader& mechanism, const MechanismModel& model,
-                       const LatchSet* latches, const HardDock& hard_dock) {
+                       const LatchSet* latches, const ContactModel& contact,
+                       const HardDock& hard_dock) {
   Sequence sequence;
   if (!mechanism.has("sequence")) return sequence;
   const JsonReader item = mechanism.at("sequence");
@@ -502,7 +521,7 @@ Sequence read_sequence(const JsonReader& mechanism, const MechanismModel& model,
     names.push_back(name);
   }
   if (names.empty()) item.at("steps").fail("is empty; a sequence needs a step");
-  const Context context{mechanism, model, latches, names, hard_dock};
+  const Context context{mechanism, model, latches, contact, names, hard_dock};
   for (const JsonReader& step : steps) sequence.steps.push_back(read_step(step, context));
   if (item.has("start")) sequence.start = find_step(item.at("start"), names);
   check_reached(item, sequence);

@@ -1,6 +1,7 @@
 // Reads the sequence of a mechanism document.
 #pragma once
 
+#include "contact/contact_model.hpp"
 #include "contact/latches.hpp"
 #include "docking/hard_dock.hpp"
 #include "docking/sequence.hpp"
@@ -11,10 +12,11 @@ namespace dockloop {
 
 /// The member `sequence` of a mechanism; an empty sequence if there is none.
 /// @param latches  of a scene with a target; null: conditions on latches never hold
-/// @param hard_dock  of a scene with a target
+/// @param contact, hard_dock  of a scene with a target, else empty
 /// @throws ModelError naming file, member, value and limit
 Sequence read_sequence(const JsonReader& mechanism, const MechanismModel& model,
-                       const LatchSet* latches, const HardDock& hard_dock);
+                       const LatchSet* latches, const ContactModel& contact,
+                       const HardDock& hard_dock);
 
 /// Find the step that an onset names, if it does. @param item  with the member `at`
 /// @throws ModelError if there is no such step

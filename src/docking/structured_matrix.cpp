@@ -93,23 +93,13 @@ StructuredMatrix::StructuredMatrix(const DockingModel& model)
       n_(model.layout.mechanism_nv),
       all_(n_ + model.layout.element_bristle_count),
       skipped_(static_cast<int>(model.mechanism.plan.ind_v.size()) - n_),
-      loads_(model.acts_across() ? 12 : 6),
       tree_(model.mechanism.model) {
   const MechanismModel& mechanism = model.mechanism.model;
-  const int vehicle = model.mechanism.vehicle;
-  const auto find_column = [&](int body) {
-    int column = 0;
-    for (int i : model.mechanism_bodies) {
-      if (i == body) return column;
-      column += mechanism.bodies[i].nv();
-    }
-    return -1;
-  };
-  for (int i = mechanism.capture_body; i != kBase && i != vehicle; i = mechanism.bodies[i].parent) {
-    const Body& body = mechanism.bodies[i];
-    joint_.push_back({i, body.v_index, body.nv(), find_column(i)});
-    follows_loops_ = follows_loops_ || joint_.back().column < 0;
+  load_.push_back(make_load(model, mechanism.capture_body));
+  for (int i = 1; i < model.contact.body_count(); ++i) {
+    load_.push_back(make_load(model, mechanism.contact_bodies[i - 1]));
   }
+  if (model.acts_across()) load_.push_back(make_load(model, model.mechanism.vehicle));
   for (int i : model.mechanism_bodies) {
     is_free_.push_back(mechanism.bodies[i].joint == JointType::kFree);
   }
@@ -118,21 +108,41 @@ StructuredMatrix::StructuredMatrix(const DockingModel& model)
     vehicle_[i].pose = layout_.pose[i];
     vehicle_[i].momentum = layout_.momentum[i];
   }
-  for (MatX<double>* x : {&capture_, &N_m_, &N_, &carried_, &dock_N_}) x->setZero(6, n_);
-  B_.setZero(n_, 6);
-  dock_B_.setZero(n_, 6);
+  carried_.setZero(6, n_);
   J_.setZero(skipped_ + n_, 6);
   L_x_.setZero(all_, n_);
   L_s_.setZero(all_, all_);
-  matrix_.setZero(all_ + loads_, all_ + loads_);
-  lu_.resize(all_ + loads_);
+  const int size = all_ + 6 * static_cast<int>(load_.size());
+  matrix_.setZero(size, size);
+  lu_.resize(size);
   twist_.setZero(n_);
-  unknown_.setZero(all_ + loads_);
+  unknown_.setZero(size);
 }
 
-/// Motion of G by the velocities of the mechanism, axes of G.
-void StructuredMatrix::calc_capture_columns(const DockingModel& model,
-                                            const DockingData<double>& at) {
+StructuredMatrix::Load StructuredMatrix::make_load(const DockingModel& model, int body) const {
+  const MechanismModel& mechanism = model.mechanism.model;
+  const auto find_column = [&](int of) {
+    int column = 0;
+    for (int i : model.mechanism_bodies) {
+      if (i == of) return column;
+      column += mechanism.bodies[i].nv();
+    }
+    return -1;
+  };
+  Load load;
+  for (int i = body; i != kBase && i != model.mechanism.vehicle; i = mechanism.bodies[i].parent) {
+    const Body& moved = mechanism.bodies[i];
+    load.joint.push_back({i, moved.v_index, moved.nv(), find_column(i)});
+    load.follows_loops = load.follows_loops || load.joint.back().column < 0;
+  }
+  for (MatX<double>* x : {&load.motion, &load.N_m, &load.N}) x->setZero(6, n_);
+  load.B.setZero(n_, 6);
+  return load;
+}
+
+/// Motion of a body by the velocities of the mechanism.
+void StructuredMatrix::calc_motion(const DockingModel& model, const DockingData<double>& at,
+                                   Load& load) {
   const TreeData<double>& tree = at.mechanism.tree;
   const Mat3<double> R = at.capture.R.transpose();
   const auto find_column = [&](const Joint& joint, int k) {
@@ -144,19 +154,21 @@ void StructuredMatrix::calc_capture_columns(const DockingModel& model,
     column << R * linear, R * angular;
     return column;
   };
-  capture_.setZero();
-  if (!follows_loops_) {
-    for (const Joint& joint : joint_) {
-      for (int k = 0; k < joint.count; ++k) capture_.col(joint.column + k) = find_column(joint, k);
+  load.motion.setZero();
+  if (!load.follows_loops) {
+    for (const Joint& joint : load.joint) {
+      for (int k = 0; k < joint.count; ++k) {
+        load.motion.col(joint.column + k) = find_column(joint, k);
+      }
     }
     return;
   }
   const LoopPlan& plan = model.mechanism.plan;
   const auto add = [&](int column, double sign) {
     calc_loop_velocity(plan, tree_, at.mechanism.loops);
-    for (const Joint& joint : joint_) {
+    for (const Joint& joint : load.joint) {
       for (int k = 0; k < joint.count; ++k) {
-        capture_.col(column) += sign * tree_.v[joint.v_index + k] * find_column(joint, k);
+        load.motion.col(column) += sign * tree_.v[joint.v_index + k] * find_column(joint, k);
       }
     }
   };
@@ -169,38 +181,40 @@ void StructuredMatrix::calc_capture_columns(const DockingModel& model,
   }
 }
 
-/// Motion of the mechanism, and its response to the wrench on P.
+/// Motion of the mechanism, and its response to the loads on P.
 void StructuredMatrix::build_mechanism(const DockingModel& model, const DockingData<double>& at) {
-  for (MatX<double>* x : {&N_m_, &N_, &carried_, &B_, &dock_N_, &dock_B_}) x->setZero();
-  if (locked_ || n_ == 0) return;
-  calc_capture_columns(model, at);
-  for (int j = 0; j < n_; ++j) {
-    const Vec3<double> v = capture_.col(j).head<3>(), w = capture_.col(j).tail<3>();
-    N_m_.col(j) << -(v + w.cross(at.relative.p)), -w;
+  carried_.setZero();
+  for (Load& load : load_) {
+    for (MatX<double>* x : {&load.N_m, &load.N, &load.B}) x->setZero();
   }
+  if (locked_ || n_ == 0) return;
   const Vehicle& chaser = vehicle_[kChaser];
-  N_ = N_m_;
+  Mat6<double> J_c = Mat6<double>::Zero();
   if (skipped_ > 0) {
     const Vec3<double> arm = chaser.R.transpose() * (at.capture.p - at.vehicle[kChaser].p);
-    const Mat6<double> J_c = make_transfer(at.capture.R.transpose() * chaser.R, arm).transpose();
-    J_.topRows<6>() = J_c;
+    J_c = make_transfer(at.capture.R.transpose() * chaser.R, arm).transpose();
     for (int j = 0; j < n_; ++j) {
       Vec6<double> column = at.mechanism.A_ind.col(6 + j).head<6>();
       solve_leading<6>(at.mechanism.factor, column);
       carried_.col(j) = column;
     }
-    N_.noalias() -= chaser.N.lazyProduct(carried_);
-    if (docked_) {
-      dock_N_.noalias() -= chaser.N.lazyProduct(carried_);
-      J_.bottomRows(n_).setZero();
-      at.mechanism.factor.solveInPlace(J_);
-      dock_B_ = -J_.bottomRows(n_);
-    }
-    J_.topRows<6>() = J_c;
   }
-  J_.bottomRows(n_) = capture_.transpose();
-  at.mechanism.factor.solveInPlace(J_);
-  B_ = -J_.bottomRows(n_);
+  for (Load& load : load_) {
+    if (!load.acts) continue;
+    calc_motion(model, at, load);
+    for (int j = 0; j < n_; ++j) {
+      const Vec3<double> v = load.motion.col(j).head<3>(), w = load.motion.col(j).tail<3>();
+      load.N_m.col(j) << -(v + w.cross(at.relative.p)), -w;
+    }
+    load.N = load.N_m;
+    if (skipped_ > 0) {
+      load.N.noalias() -= chaser.N.lazyProduct(carried_);
+      J_.topRows<6>() = J_c;
+    }
+    J_.bottomRows(n_) = load.motion.transpose();
+    at.mechanism.factor.solveInPlace(J_);
+    load.B = -J_.bottomRows(n_);
+  }
 }
 
 void StructuredMatrix::build_vehicle(const DockingModel& model, int i,
@@ -234,33 +248,40 @@ void StructuredMatrix::build_vehicle(const DockingModel& model, int i,
 void StructuredMatrix::build_tangents(const DockingModel& model, const DiscreteState& discrete,
                                       const ContactMemory& memory, const DockingData<double>& at,
                                       double t) {
-  tangent_ = dock_tangent_ = InterfaceTangent();
-  if (model.present[kTarget] && !joined_) {
-    if (!model.contact.empty()) {
-      add_contact_tangent(model.contact, memory, at.relative, at.contact_work, at.contact,
-                          tangent_);
+  for (Load& load : load_) load.tangent = InterfaceTangent();
+  // From axes and origin of another frame.
+  const auto put_in_G = [&](const FrameMotion<double>& frame, InterfaceTangent& tangent) {
+    const Mat6<double> to_frame = make_turn(frame.R.transpose() * at.capture.R);
+    Mat6<double> to_G = to_frame.transpose();
+    const Vec3<double> arm = at.capture.R.transpose() * (frame.p - at.capture.p);
+    to_G.bottomLeftCorner<3, 3>() = skew<double>(arm) * to_G.topLeftCorner<3, 3>();
+    for (Mat6<double>* x : {&tangent.stiffness, &tangent.damping}) {
+      *x = (to_G * *x * to_frame).eval();
     }
-    add_latch_tangent(model.latches, discrete.latch.data(), t, at.relative, tangent_);
-    if (!model.hard_dock.empty()) {
-      add_hard_dock_tangent(model.hard_dock, discrete.hard_dock, t, at.across, dock_tangent_);
-    }
-    add_vehicle_force_tangent(model.forces, at.across, dock_tangent_);
-  }
-  const auto acts = [](const InterfaceTangent& tangent) {
-    return !tangent.stiffness.isZero(0.0) || !tangent.damping.isZero(0.0);
   };
-  connected_ = acts(tangent_);
-  docked_ = acts(dock_tangent_);
-  if (!docked_) return;
-  // From axes and origin of A.
-  const FrameMotion<double>& A = at.interface[kChaser];
-  const Mat6<double> to_A = make_turn(A.R.transpose() * at.capture.R);
-  Mat6<double> to_G = to_A.transpose();
-  const Vec3<double> arm = at.capture.R.transpose() * (A.p - at.capture.p);
-  to_G.bottomLeftCorner<3, 3>() = skew<double>(arm) * to_G.topLeftCorner<3, 3>();
-  for (Mat6<double>* x : {&dock_tangent_.stiffness, &dock_tangent_.damping}) {
-    *x = (to_G * *x * to_A).eval();
+  const auto update = [](Load& load) {
+    load.acts = !load.tangent.stiffness.isZero(0.0) || !load.tangent.damping.isZero(0.0);
+    return load.acts;
+  };
+  const bool touches = model.present[kTarget] && !joined_;
+  for (int body = 0; body < model.contact.body_count(); ++body) {
+    Load& load = load_[body];
+    if (touches && !model.contact.empty()) {
+      add_contact_tangent(model.contact, body, memory, at.relative, at.contact_work, at.contact,
+                          load.tangent);
+    }
+    if (touches && body == 0) {
+      add_latch_tangent(model.latches, discrete.latch.data(), t, at.relative, load.tangent);
+    }
+    if (update(load) && body > 0) put_in_G(at.contact_bodies[body - 1], load.tangent);
   }
+  if (!model.acts_across()) return;
+  Load& across = load_.back();
+  if (touches && !model.hard_dock.empty()) {
+    add_hard_dock_tangent(model.hard_dock, discrete.hard_dock, t, at.across, across.tangent);
+  }
+  if (touches) add_vehicle_force_tangent(model.forces, at.across, across.tangent);
+  if (update(across)) put_in_G(at.interface[kChaser], across.tangent);
 }
 
 void StructuredMatrix::build(const DockingModel& model, const DiscreteState& discrete,
@@ -300,22 +321,21 @@ bool StructuredMatrix::factor(double g) {
   matrix_.setIdentity();
   matrix_.topLeftCorner(all_, all_) -= g * L_s_;
   matrix_.topLeftCorner(all_, n_) -= (g * g) * L_x_;
-  if (connected_) {
-    G_ = tangent_.damping + g * tangent_.stiffness;
-    matrix_.block(0, all_, n_, 6) = -g * B_;
-    matrix_.block(all_, 0, 6, n_) = -G_.lazyProduct(N_);
-    matrix_.block<6, 6>(all_, all_).noalias() -= g * G_ * mobility_;
-  }
-  if (docked_) {
-    const int dock = all_ + 6;
-    dock_G_ = dock_tangent_.damping + g * dock_tangent_.stiffness;
-    matrix_.block(0, dock, n_, 6) = -g * dock_B_;
-    matrix_.block(dock, 0, 6, n_) = -dock_G_.lazyProduct(dock_N_);
-    matrix_.block<6, 6>(dock, dock).noalias() -= g * dock_G_ * mobility_;
-    if (connected_) {
-      matrix_.block<6, 6>(dock, all_).noalias() = -g * dock_G_ * mobility_;
-      matrix_.block<6, 6>(all_, dock).noalias() = -g * G_ * mobility_;
+  int row = all_;
+  for (Load& load : load_) {
+    if (load.acts) {
+      load.G = load.tangent.damping + g * load.tangent.stiffness;
+      matrix_.block(0, row, n_, 6) = -g * load.B;
+      matrix_.block(row, 0, 6, n_) = -load.G.lazyProduct(load.N);
+      int column = all_;
+      for (const Load& other : load_) {
+        if (other.acts) {
+          matrix_.block<6, 6>(row, column).noalias() -= g * load.G * mobility_;
+        }
+        column += 6;
+      }
     }
+    row += 6;
   }
   return lu_.factorise(matrix_);
 }
@@ -347,18 +367,19 @@ void StructuredMatrix::solve(double* x) {
   unknown_.head(n_) = g * v_m;
   unknown_.segment(n_, all_ - n_) = g * bristles;
   unknown_.head(all_) += (g * g) * L_x_.lazyProduct(twist_);
-  unknown_.tail(loads_).setZero();
-  if (docked_) {
-    unknown_.tail<6>() = g * (dock_G_ * momentum_part + dock_tangent_.stiffness * displacement);
-  }
-  if (connected_) {
-    displacement.noalias() += N_m_.lazyProduct(twist_);
-    unknown_.segment<6>(all_) = g * (G_ * momentum_part + tangent_.stiffness * displacement);
+  unknown_.tail(unknown_.size() - all_).setZero();
+  int row = all_;
+  for (const Load& load : load_) {
+    if (load.acts) {
+      Vec6<double> moved = displacement;
+      moved.noalias() += load.N_m.lazyProduct(twist_);
+      unknown_.segment<6>(row) = g * (load.G * momentum_part + load.tangent.stiffness * moved);
+    }
+    row += 6;
   }
   lu_.solve(unknown_);
   v_m = unknown_.head(n_);
-  if (connected_) F = unknown_.segment<6>(all_);
-  if (docked_) F += unknown_.tail<6>();
+  for (row = all_; row < unknown_.size(); row += 6) F += unknown_.segment<6>(row);
 
   const Vec6<double> exchanged = to_O_ * F;
   for (int i : {kChaser, kTarget}) {

@@ -264,7 +264,8 @@ void add_limits(Table& table, Outputs& out) {
 
 void add_phase(Table& table, Parameters& parameter, Outputs& out) {
   add_progress(table, out);
-  table.output("captured", &out.captured, kNone, "All latches hold");
+  table.output("captured", &out.captured, kNone,
+               "All latches hold, or the sequence states a grasp");
   for (size_t i = 0; i < out.latched.size(); ++i) {
     table.output(indexed("latched", i), &out.latched[i], kNone, "This latch holds");
   }
@@ -288,7 +289,7 @@ void add_phase(Table& table, Parameters& parameter, Outputs& out) {
       .discrete();
   table
       .output("time_of_capture", &out.time_of_capture, kTime,
-              "Simulation time when all latches first held, -1 before")
+              "Simulation time of the first capture, -1 before")
       .discrete();
   add_limits(table, out);
   table

@@ -47,7 +47,7 @@ class PlatformSearch {
       if (!block.is_coupling || block.is_driven) continue;
       const int body = block.dep_bodies[0];
       const bool turns = model.bodies[body].joint == JointType::kRevolute;
-      if (!turns || has_children[body] || body == model.capture_body) continue;
+      if (!turns || has_children[body] || model.is_contact_body(body)) continue;
       if (is_round(model.bodies[body])) gear_[body] = static_cast<int>(b);
     }
   }
@@ -99,7 +99,7 @@ class PlatformSearch {
       const int body = form->joint[i].body;
       // The joint below and this loop; the terminal body carries this loop only.
       if (body != paths.terminal[i] || model_.bodies[body].parent != parent ||
-          users_[body] != (i < 2 ? 2 : 1) || body == model_.capture_body) {
+          users_[body] != (i < 2 ? 2 : 1) || model_.is_contact_body(body)) {
         return false;
       }
       parent = body;

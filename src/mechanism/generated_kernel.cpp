@@ -76,6 +76,7 @@ std::string describe_kernel_source(const Mechanism& mechanism, KernelScope scope
   Text text;
   text << "dockloop-kernel" << kKernelFormat << static_cast<int>(scope) << mechanism.vehicle
        << model.capture_body;
+  for (const int body : model.contact_bodies) text << "contact" << body;
   for (size_t i = 0; i < model.bodies.size(); ++i) {
     const Body& body = model.bodies[i];
     text << "body" << body.parent << static_cast<int>(body.joint) << body.axis << body.placement;
@@ -110,7 +111,11 @@ KernelBodies::KernelBodies(const Mechanism& mechanism, KernelScope scope) {
       list.push_back(body);
   };
   moving = mechanism.plan.ind_bodies;
-  add(moving, model.capture_body);
+  const auto add_contact_bodies = [&](std::vector<int>& list) {
+    add(list, model.capture_body);
+    for (const int body : model.contact_bodies) add(list, body);
+  };
+  add_contact_bodies(moving);
   add(moving, model.carrier);
   for (const JointForce& force : model.forces) add(sprung, force.body);
   for (const ForceElement& element : model.elements) {
@@ -122,7 +127,7 @@ KernelBodies::KernelBodies(const Mechanism& mechanism, KernelScope scope) {
   } else {
     add(loaded, mechanism.vehicle);
     add(loaded, model.carrier);
-    add(loaded, model.capture_body);
+    add_contact_bodies(loaded);
     forced = sprung;
   }
 }

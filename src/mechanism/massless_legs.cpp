@@ -52,6 +52,7 @@ MasslessLegs make_legs_massless(const MechanismModel& original) {
       if (!has_mass(body)) continue;
       if (loop.cut == CutType::kCoupling) refuse(original, part, "a coupling moves it");
       if (part == original.capture_body) refuse(original, part, "it is the capture body");
+      if (original.is_contact_body(part)) refuse(original, part, "it carries contact surfaces");
       if (is_determined(loop.closing)) {
         refuse(original, part,
                "its loop closes on body '" + bodies[loop.closing].name +

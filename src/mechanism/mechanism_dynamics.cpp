@@ -352,6 +352,7 @@ MechanismModel attach_vehicle(const MechanismModel& mechanism, const VehicleBody
   }
   for (Leg& leg : model.legs) leg.body += shift;
   model.capture_body += shift;
+  for (int& body : model.contact_bodies) body += shift;
   std::vector<double> home(static_cast<size_t>(shift + 6), 0.0);
   home[3] = 1.0;
   model.home_q.insert(model.home_q.begin(), home.begin(), home.end());

@@ -5,6 +5,7 @@
 // Conventions (joint axes, free joint, cut sign): src/README.md.
 #pragma once
 
+#include <algorithm>
 #include <optional>
 #include <string>
 #include <vector>
@@ -213,16 +214,22 @@ struct MechanismModel {
   std::vector<ForceElement> elements;
   std::vector<LawFailure> failures;  ///< of laws of elements
   std::vector<Leg> legs;
-  std::vector<double> home_q;    ///< all coordinates, nq
-  bool home_given = false;       ///< the file states home_q
-  int capture_body = kBase;      ///< body that carries frame G; kBase: the chaser, at A
-  Pose<double> capture_in_body;  ///< G in axes of that body, or of A
+  std::vector<double> home_q;       ///< all coordinates, nq
+  bool home_given = false;          ///< the file states home_q
+  int capture_body = kBase;         ///< body that carries frame G; kBase: the chaser, at A
+  Pose<double> capture_in_body;     ///< G in axes of that body, or of A
+  std::vector<int> contact_bodies;  ///< others that carry contact surfaces, as closing fingers
   int nq = 0, nv = 0;
   /// Of parts of the vehicle that carries the mechanism (model/vehicle_part.hpp): bodies that hang
   /// on it, and joint forces along coordinates; both are at the end of their lists.
   int part_bodies = 0, part_forces = 0;
   int carrier = kBase;  ///< body on which the mechanism stands: vehicle or adapter
   int first_part() const { return static_cast<int>(bodies.size()) - part_bodies; }
+  /// Does it carry G or contact surfaces? Loads act on it, and its motion is needed at every state.
+  bool is_contact_body(int body) const {
+    return body == capture_body ||
+           std::find(contact_bodies.begin(), contact_bodies.end(), body) != contact_bodies.end();
+  }
 };
 
 /// Number the coordinates in body order (q_index, v_index, nq, nv). A missing home becomes zero.

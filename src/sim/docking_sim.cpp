@@ -75,9 +75,8 @@ void DockingSim::load(const SavedSim& from) { impl_->load(from); }
 /// @post restore(into) restores this state. Allocates only if `into` was never used.
 /// @param with_pose  if false, `into` holds the accepted configuration of the loops already
 void DockingSim::Impl::keep(Snapshot& into, bool with_pose) const {
-  const size_t pairs = static_cast<size_t>(model->contact.pair_count());
-  reserve(into.state.memory, pairs);
-  reserve(into.state.ahead.context.memory, pairs);
+  reserve(into.state.memory, model->contact);
+  reserve(into.state.ahead.context.memory, model->contact);
   into.state = *this;
   into.y.assign(step_loop->accepted_y(), step_loop->accepted_y() + model->layout.size);
   if (with_pose) into.reference = present().mechanism.loops.reference;
@@ -120,16 +119,22 @@ bool have_same_shape(const Snapshot& a, const Snapshot& b) {
          have_same_shape(a.reference, b.reference);
 }
 
-/// Lists of the contact search have an entry per pair, and contain existing pairs only.
+/// The list of a body has an entry per pair of it, and contains its pairs only.
+bool fits(const NeighbourList& list, const ActiveBody& body) {
+  return (!list.has_reference || list.gap.size() == static_cast<size_t>(body.count)) &&
+         list.near_gap.size() == list.near.size() && list.searched >= 0 &&
+         list.searched <= 2 * body.count &&
+         std::all_of(list.near.begin(), list.near.end(),
+                     [&](int i) { return i >= body.first && i < body.first + body.count; });
+}
+
 bool fits(const ContactMemory& memory, const ContactModel& contact) {
-  const size_t pairs = static_cast<size_t>(contact.pair_count());
-  if (!memory.has_reference && memory.closed.empty() && memory.near.empty()) return true;
-  return memory.closed.size() == pairs && memory.n_last.size() == pairs &&
-         (!memory.has_reference || memory.gap.size() == pairs) &&
-         memory.near_gap.size() == memory.near.size() && memory.searched >= 0 &&
-         memory.searched <= 2 * contact.pair_count() &&
-         std::all_of(memory.near.begin(), memory.near.end(),
-                     [&](int i) { return i >= 0 && i < static_cast<int>(pairs); });
+  if (memory.lists.empty() && memory.closed.empty()) return true;
+  return memory.closed.size() == contact.pairs.size() &&
+         memory.n_last.size() == contact.pairs.size() &&
+         std::equal(memory.lists.begin(), memory.lists.end(), contact.bodies.begin(),
+                    contact.bodies.end(),
+                    [](const auto& list, const auto& body) { return fits(list, body); });
 }
 
 bool are_modes(const DiscreteState& discrete) {

@@ -140,11 +140,12 @@ bool EventLogic::update_hooks(const DockingData<double>& at, double now, double 
 }
 
 void EventLogic::update_capture(double now) {
-  const bool all = model_->latches.is_capture(count_held_latches());
-  if (all && !discrete_.captured && discrete_.time_of_capture < 0.0) {
+  const bool holds =
+      model_->latches.is_capture(count_held_latches()) || discrete_.sequence.has_grasped;
+  if (holds && !discrete_.captured && discrete_.time_of_capture < 0.0) {
     discrete_.time_of_capture = now;
   }
-  discrete_.captured = all;
+  discrete_.captured = holds;
 }
 
 SequenceChange EventLogic::update_sequence(DockingData<double>& at, double now,

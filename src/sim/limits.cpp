@@ -19,7 +19,7 @@ void find_distances(const DockingModel& model, const DockingData<double>& data,
                     LimitValues& found) {
   const ContactModel& contact = model.contact;
   const Vec3<double> p = find_relative(data.interface[kChaser], data.interface[kTarget]).p;
-  if (p.tail<2>().norm() > contact.bounding_radius) return;
+  if (p.tail<2>().norm() > find_bounding_radius(contact, data.relative)) return;
   const double depth = data.contact.depth_ratio * contact.least_rounding;
   found.value[kOverlapLimit] = -p.x() - depth;
   found.value[kPassedLimit] = -data.relative.p.x() - contact.depth;

@@ -173,7 +173,7 @@ double DockingSim::Impl::find_swing_bound() const {
       if (std::any_of(adapter->coordinates.begin(), adapter->coordinates.end(), turns))
         moment = find_principal_moments(adapter->inertia)[0];
     }
-    arm += model->contact.bounding_radius;
+    arm += find_bounding_radius(model->contact, shown().relative);
     bound += 2.0 * std::sqrt(2.0 * energy * (1.0 / mass + arm * arm / moment));
   }
   return bound;
@@ -186,7 +186,8 @@ double DockingSim::Impl::find_acceleration_bound() const {
   for (int i : {kChaser, kTarget}) {
     if (!model->moves[i]) continue;
     const VehicleParameters& p = parameters.vehicle[i];
-    const double arm = p.interface_position.norm() + model->contact.bounding_radius;
+    const double arm =
+        p.interface_position.norm() + find_bounding_radius(model->contact, shown().relative);
     const double overshoot =
         (scene->parts[i].count_coordinates() > 0 ? 2.0 : 1.0) / share_without_modes[i];
     const double mass = model->of_host[i].mass;

@@ -96,8 +96,8 @@ void read_vehicle_loads(const OutputSource<S>& from, OutputValues<S>& out) {
       load = data.on_chaser;
       if (chaser_body == kBase) load.t -= frame.p.cross(load.f);
       if (model.mechanism.model.capture_body == chaser_body) {
-        load.f -= data.on_passive.f;
-        load.t -= data.on_passive.t + (data.capture.p - frame.p).cross(data.on_passive.f);
+        load.f -= data.by_capture.f;
+        load.t -= data.by_capture.t + (data.capture.p - frame.p).cross(data.by_capture.f);
       }
       load.f += data.thrust;
       if (model.frozen.mass != 0.0) {

@@ -53,7 +53,9 @@ void QuiescentMode::start(const double* y) {
   const StateLayout& layout = model_->layout;
   const double* q = y + layout.mechanism_q;
   state_.quiescent.q.assign(q, q + layout.mechanism_nq);
-  if (!is_always_locked_) locked_.q = evaluator_.present().mechanism.tree.q;  // memory for later
+  if (is_always_locked_) return;
+  locked_.q = evaluator_.present().mechanism.tree.q;  // memory for later
+  locked_.contact_bodies.resize(evaluator_.present().contact_bodies.size());
 }
 
 void QuiescentMode::lock_always() {
@@ -251,6 +253,7 @@ double QuiescentMode::find_drift_time() const {
     const double spin = find_spin_bound(locked_.joined.inertia, chaser.R.transpose() * chaser.w);
     return spin > 0.0 ? std::min(longest, kMostTurns * kTurn / spin) : longest;
   }
+  const double radius = find_bounding_radius(model.contact, data.relative);
   std::array<Vec3<double>, 2> v{Vec3<double>::Zero(), Vec3<double>::Zero()};
   for (int i : {kChaser, kTarget}) {
     if (!model.present[i] || !model.moves[i]) continue;
@@ -265,7 +268,7 @@ double QuiescentMode::find_drift_time() const {
       longest = std::min(longest, 0.5 * state_.quiescent.slack / spin);
     }
     const Vec3<double>& port = i == kChaser ? data.capture.p : data.interface[kTarget].p;
-    speed += spin * ((port - frame.p - arm).norm() + model.contact.bounding_radius);
+    speed += spin * ((port - frame.p - arm).norm() + radius);
     // Latches and the absorber measure along axes of G, which turn with the chaser.
     if (i == kChaser) speed += spin * data.relative.p.norm();
   }

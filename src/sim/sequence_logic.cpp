@@ -86,6 +86,8 @@ double SequenceLogic::find_quantity(const Condition& part, DockingData<double>& 
       return at.latch.opening[latch];
     case Measured::kLatchForce:
       return at.latch.force[latch];
+    case Measured::kSurfaceForce:
+      return at.contact.surface_force[static_cast<size_t>(part.index)].norm();
     case Measured::kElementCoordinate:
       return at.elements.coordinate[part.index];
     case Measured::kElementRate:
@@ -431,6 +433,11 @@ void SequenceLogic::act(const LatchesAction& action, const Occasion& occasion) {
         release_latch(model_->latches, i, occasion.now, occasion.at.relative,
                       discrete_.latch[static_cast<size_t>(i)]);
   }
+}
+
+/// EventLogic::update_capture() follows.
+void SequenceLogic::act(const GraspAction& action, const Occasion&) {
+  state_.has_grasped = action.holds;
 }
 
 /// If too many settings are on their way, the last one is replaced.

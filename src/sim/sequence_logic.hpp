@@ -112,6 +112,7 @@ class SequenceLogic {
   bool begins_something() const;
   void act(const ThrustAction& action, const Occasion& occasion);
   void act(const LatchesAction& action, const Occasion& occasion);
+  void act(const GraspAction& action, const Occasion& occasion);
   void act(const RunAction& action, const Occasion& occasion);
   void act(const EngagementAction& action, const Occasion& occasion);
   void act(const LockAction& action, const Occasion& occasion);

@@ -54,10 +54,17 @@ struct KeptJacobian {
 };
 
 /// The number of near pairs of surfaces differs from state to state: later copies allocate nothing.
-inline void reserve(ContactMemory& memory, size_t pairs) {
-  memory.gap.reserve(pairs);
-  memory.near.reserve(pairs);
-  memory.near_gap.reserve(pairs);
+inline void reserve(ContactMemory& memory, const ContactModel& contact) {
+  if (!contact.has_surfaces()) return;
+  memory.lists.resize(contact.bodies.size());
+  for (size_t body = 0; body < memory.lists.size(); ++body) {
+    const size_t count = static_cast<size_t>(contact.bodies[body].count);
+    NeighbourList& list = memory.lists[body];
+    list.gap.reserve(count);
+    list.near.reserve(count);
+    list.near_gap.reserve(count);
+  }
+  const size_t pairs = contact.pairs.size();
   memory.closed.reserve(pairs);
   memory.n_last.reserve(pairs);
 }

@@ -58,7 +58,7 @@ void StepLoop::start() {
   ahead_.loads = ahead_.mean_known = loads_.at_start();
   if (!method_.runs_ahead) return;
   ahead_.jacobian = kept_;
-  reserve(ahead_.context.memory, static_cast<size_t>(model_->contact.pair_count()));
+  reserve(ahead_.context.memory, model_->contact);
   keep_context();
   accepted_pose_ = ahead_.context.reference;
 }
@@ -215,7 +215,9 @@ Status StepLoop::make_inner_step(double tau, double end, bool is_single) {
 void StepLoop::count_left_out(double length) {
   LeftOut& left = counted_elsewhere_.left_out;
   ++left.booked_steps;
-  left.near_pairs += static_cast<std::int64_t>(state_.memory.near.size());
+  for (const NeighbourList& list : state_.memory.lists) {
+    left.near_pairs += static_cast<std::int64_t>(list.near.size());
+  }
   if (state_.discrete.hard_dock.joint.on) {
     left.joined_time += length;
   } else if (state_.discrete.contacted) {
@@ -245,15 +247,13 @@ Status StepLoop::drift_freely(double& tau, double end, std::int64_t& turns) {
   tau = duration < end - tau ? tau + duration : end;
   events_.clear_due();
   bool changed = false;
-  const Pose<double> looked_from = state_.memory.all;
+  const int origins = state_.memory.origins;
   Status status = quiescent_mode_.evaluate(tau, y());
   if (status.ok()) status = accept_(tau, changed);
   if (!status.ok()) return status;
   accept_state();
   // Another evaluation gives a better gap only with a new neighbour list.
-  if (!changed && state_.memory.all.p == looked_from.p && state_.memory.all.R == looked_from.R) {
-    evaluator_.keep_present();
-  }
+  if (!changed && state_.memory.origins == origins) evaluator_.keep_present();
   return {};
 }
 

@@ -100,10 +100,12 @@ inline Mat3<double> rotation_of(const Vec3<double>& rotation_vector) {
 
 /// Generic state with the surfaces overlapping by about `depth`: random lateral offset, tilt and
 /// roll, then the axial distance at which, coming from afar, the gap has fallen to -depth.
+/// @param others  poses in G of the other bodies with active cores
 inline RelativeMotion<double> make_touching_motion(const ContactModel& model,
                                                    ContactWorkspace<double>& work,
                                                    TestRandom& random, double depth,
-                                                   double lateral = 0.2, double tilt = 0.12) {
+                                                   double lateral = 0.2, double tilt = 0.12,
+                                                   const std::vector<Pose<double>>& others = {}) {
   RelativeMotion<double> x;
   x.R = rotation_of(random.vector(tilt));
   x.w = random.vector(0.2);
@@ -111,7 +113,14 @@ inline RelativeMotion<double> make_touching_motion(const ContactModel& model,
   x.p = random.vector(lateral);
   const auto excess = [&](double axial) {
     x.p[0] = axial;
-    return find_gap<double>(model, {}, x, work) + depth;
+    HardwareMotion<double> all = x;
+    for (const Pose<double>& body : others) {
+      RelativeMotion<double> seen;
+      seen.R = body.R.transpose() * x.R;
+      seen.p = body.R.transpose() * (x.p - body.p);
+      all.others.push_back(seen);
+    }
+    return find_gap<double>(model, {}, all, work) + depth;
   };
   double high = 0.6, low = high;
   while (excess(low) > 0) {

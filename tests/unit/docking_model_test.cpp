@@ -65,10 +65,10 @@ TEST(MomentumStates, are_the_momentum_of_the_bodies) {
 
 TEST(MomentumStates, have_rates_that_cancel_to_the_last_bit_without_outside_loads) {
   TestRandom random(63);
-  const Scene scene = read_test_scene("scene_ring.json");
+  const Scene scenes[2] = {ring(), fingers()};
   int touching = 0;
   for (int trial = 0; trial < 100; ++trial) {
-    Docking docking(scene, 1 + trial % 2);
+    Docking docking(scenes[trial / 2 % 2], 1 + trial % 2);
     docking.set_random_state(random, 5e-4);
     for (int j = 0; j < docking.loads.command.size(); ++j) {
       docking.loads.command[j] = random.uniform(-30, 30);  // internal
@@ -242,6 +242,12 @@ INSTANTIATE_TEST_SUITE_P(
                                   false, kFreeMotion, kFixedMotion, 1e-6, 8e-12, 3e-13},
                       BalanceCase{"gravity_on_an_immobile_base", "scene_ring.json", 5e-4, 1, true,
                                   false, kFixedMotion, kFreeMotion, 1e-6, 2e-12, 3e-13},
+                      BalanceCase{"fingers", "scene_fingers.json", 5e-4, 1, true, false,
+                                  kFreeMotion, kFreeMotion, 1e-6, 9e-14, 2.8e-10},
+                      BalanceCase{"fingers_with_bristles", "scene_fingers.json", 5e-4, 2, false,
+                                  false, kFreeMotion, kFreeMotion, 1e-6, 6e-14, 1.5e-12},
+                      BalanceCase{"fingers_on_an_immobile_base", "scene_fingers.json", 5e-4, 1,
+                                  true, false, kFixedMotion, kFreeMotion, 1e-6, 9e-14, 1.2e-11},
                       BalanceCase{"absorber", "scene_minimal.json", 2e-3, 1, true, false,
                                   kFreeMotion, kFreeMotion, 1e-6, 3e-10, 3e-12}),
     [](const ::testing::TestParamInfo<BalanceCase>& at) { return std::string(at.param.name); });

@@ -18,6 +18,8 @@ inline Scene read_test_scene(const std::string& name) {
 }
 
 inline Scene ring() { return read_test_scene("scene_ring.json"); }
+/// Three fingers with surfaces on a palm that slides; one follows another through gears.
+inline Scene fingers() { return read_test_scene("scene_fingers.json"); }
 inline Scene absorber() { return read_test_scene("scene_minimal.json"); }
 inline Scene ring_without_surfaces() {
   Scene scene = ring();
@@ -73,8 +75,13 @@ struct Docking {
       Pose<double> P_in_G;
       if (model.contact.has_surfaces()) {
         ContactWorkspace<double> work(model.contact);
+        const Pose<double> G{data.capture.R, data.capture.p};
+        std::vector<Pose<double>> others;
+        for (const FrameMotion<double>& body : data.contact_bodies) {
+          others.push_back(inverse(G) * Pose<double>{body.R, body.p});
+        }
         const RelativeMotion<double> x =
-            make_touching_motion(model.contact, work, random, depth, lateral, tilt);
+            make_touching_motion(model.contact, work, random, depth, lateral, tilt, others);
         P_in_G = {x.R, x.p};
       } else {
         P_in_G = {rotation_of(random.vector(std::min(tilt, 0.1))), V(-depth, 0.02, 0.01)};

@@ -245,7 +245,7 @@ TEST(SavedStates, of_another_model_are_refused_and_nothing_changes) {
     SavedSim damaged;
     reference.save(damaged);
     damaged = through_bytes(damaged);
-    damaged.snapshot.state.memory.near.assign(1, 1 << 20);
+    damaged.snapshot.state.memory.lists.at(0).near.assign(1, 1 << 20);
     EXPECT_THROW(sim.load(damaged), ModelError);
     ASSERT_TRUE(sim.step(0.01 * i, 0.01).ok());
     ASSERT_TRUE(same_bits(flatten(sim.outputs()), flatten(reference.outputs()))) << "step " << i;

@@ -1,9 +1,9 @@
 // The structured matrix of a docking compared with the exact Jacobian by dual numbers.
 // 1. a solution of 1/g - A differs from one with the Jacobian by what the matrix leaves out: in
 //    contact of every kind of surface, with latches open, held and releasing, apart, on an
-//    absorber, with one vehicle immobile, with a loop between capture body and base, without a
-//    mechanism that moves; without the matrix the difference is of order one where something is
-//    stiff;
+//    absorber, with one vehicle immobile, with a loop between capture body and base, on fingers of
+//    which one follows another, without a mechanism that moves; without the matrix the difference
+//    is of order one where something is stiff;
 // 2. momentum: what it takes from one vehicle it gives the other, to rounding;
 // 3. no call allocates memory.
 #include "docking/structured_matrix.hpp"
@@ -237,6 +237,12 @@ INSTANTIATE_TEST_SUITE_P(
                    2.7e-3, 2.5e-2},
         MatrixCase{"forces_between_the_vehicles", ring_with_forces, -0.3, 0.2, 0.12, kNone, kSpent,
                    false, 6e-3, 4.5e-2},
+        MatrixCase{"hooks_of_fingers", fingers, kSlight, 0.02, 0.02, PairKind::kSegmentRevolution,
+                   kSpent, false, 4.2e-3, 9.6e-2},
+        MatrixCase{"pad_of_a_finger", fingers, kSlight, 0.05, 0.05, kPointPlate, kSpent, false,
+                   3.6e-3, 1.2e-2},
+        MatrixCase{"locked_fingers", fingers, kSlight, 0.02, 0.02, PairKind::kSegmentRevolution,
+                   kSpent, true, 4.8e-5, 6.3e-4},
         MatrixCase{"locked", ring, kSlight, 0.2, 0.12, kSegmentAnnulus, kSpent, true, 7.5e-6,
                    1.8e-4}),
     [](const ::testing::TestParamInfo<MatrixCase>& at) { return std::string(at.param.name); });

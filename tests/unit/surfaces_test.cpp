@@ -297,7 +297,7 @@ TEST(Surfaces, NeighbourListChangesNoBit) {
         const double gap = find_gap<double>(model, {}, x, other);
         ASSERT_LE(listed.gap, gap + 1e-15);
         closed += plain.active_count;
-        skipped += memory.has_reference && memory.near.size() < model.pairs.size();
+        skipped += memory.find_list(0) && memory.lists[0].near.size() < model.pairs.size();
         update_contact_memory(model, x, nullptr, work, memory);
       }
     }

@@ -5,8 +5,9 @@ and pushers are places: the file holds no sizes of these, so they are symbols wh
 circle on which they stand.
 
 A shape has ``kind``, ``points``, ``rounding`` and ``pose``, a pair ``{"p": [x, y, z], "q": [w, x,
-y, z]}``. Kinds are ``point``, ``segment``, ``plate`` (corners in order) and ``revolution`` about x,
-whose points are pairs of x and radius. It also has ``profiles``: closed outlines of its section.
+y, z]}``. On another body than that of G it also has ``body``, the name of this body. Kinds are
+``point``, ``segment``, ``plate`` (corners in order) and ``revolution`` about x, whose points are
+pairs of x and radius. It also has ``profiles``: closed outlines of its section.
 """
 
 import itertools
@@ -41,7 +42,7 @@ def make_hardware(mechanism: dict) -> dict:
 
 
 def list_active(hardware: dict) -> list[dict]:
-    """Return the shapes on the capture body, axes of G: ring and petals, or cores."""
+    """Return the active shapes: ring and petals, or cores; axes of G, or of their ``body``."""
     if ring := hardware["ring"]:
         body = {**ring["body"], "pose": _HERE}
         petal = {"kind": "plate", "rounding": ring["petal_rounding"], "pose": _HERE}
@@ -123,7 +124,7 @@ def _make_rings(contact: dict) -> dict:
 
 
 def _make_cores(contact: dict) -> dict[str, list[dict]]:
-    """Return the cores of both sides, in axes of G and of P."""
+    """Return the cores of both sides, in axes of G (or of their body) and of P."""
     return {
         side: [shape for core in contact[side] for shape in _list_shapes(core)]
         for side in ("active", "passive")
@@ -133,6 +134,8 @@ def _make_cores(contact: dict) -> dict[str, list[dict]]:
 def _list_shapes(core: dict) -> list[dict]:
     """Return a core as shapes: ``kind``, ``points``, ``rounding`` and ``pose``."""
     shape = {"kind": core["kind"], "rounding": core["rounding"], "pose": _HERE}
+    if "body" in core:
+        shape["body"] = core["body"]
     if core["kind"] == "nodes":
         circle = (core.get("x", 0.0), core["radius"], core.get("azimuth_offset", 0.0))
         points = [

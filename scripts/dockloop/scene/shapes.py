@@ -145,14 +145,13 @@ def draw_hardware(
         views: across x and along x, of points in axes of the base.
     """
     hardware = make_hardware(mechanism)
-    ring = _place_ring(mechanism, home_q)
-    base = (np.eye(3), np.zeros(3))
+    ring, base = _place_ring(mechanism, home_q), (np.eye(3), np.zeros(3))
     for part in ("faces", "hooks", "pushers"):
         for shape in hardware["interface"].get(part, ()):
             colors = (SOFT, LATCH if part == "hooks" else PAPER)
             _draw_shape(d, _place_shape(shape, base), scale, views, colors)
-    for shape in list_active(hardware):
-        _draw_shape(d, _place_shape(shape, ring), scale, views, (RING, ACTIVE_FILL))
+    for shape in _place_active(mechanism, home_q, hardware):
+        _draw_shape(d, shape, scale, views, (RING, ACTIVE_FILL))
     for shape in list_hooks(hardware):
         _draw_shape(d, _place_shape(shape, ring), scale, views, (INK, LATCH))
 
@@ -165,12 +164,20 @@ def _place_ring(mechanism: dict, home_q: Sequence[float]) -> tuple[np.ndarray, n
     return rotation @ np.array(capture.get("rotation", np.eye(3)), float), at
 
 
+def _place_active(mechanism: dict, home_q: Sequence[float], hardware: dict) -> list[dict]:
+    """Return the active shapes, each placed on G or on its body at home."""
+    places, ring = find_body_places(mechanism, home_q), _place_ring(mechanism, home_q)
+    return [
+        _place_shape(shape, places[shape["body"]] if "body" in shape else ring)
+        for shape in list_active(hardware)
+    ]
+
+
 def list_points(mechanism: dict, home_q: Sequence[float]) -> np.ndarray:
     """Return points that bound the drawn hardware at home, axes and origin of the base."""
     hardware = make_hardware(mechanism)
-    ring, base = _place_ring(mechanism, home_q), (np.eye(3), np.zeros(3))
-    placed = [_place_shape(shape, ring) for shape in list_active(hardware)]
-    parts = hardware["interface"].values()
+    placed = _place_active(mechanism, home_q, hardware)
+    parts, base = hardware["interface"].values(), (np.eye(3), np.zeros(3))
     placed += [_place_shape(shape, base) for part in parts for shape in part]
     points = [
         shape["place"](point) + step

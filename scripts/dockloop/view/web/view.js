@@ -285,7 +285,7 @@
     if (hasRing) {
       addFrame(ring, geometry.capture_body === 'base' ? '' : 'G', 0.22 * extent, [-0.08 * extent, 0, 0.1 * extent]);
       if (geometry.ring) petals = addRing(ring, COLORS.active);
-      if (geometry.cores) addCores(ring, geometry.cores.active, COLORS.active);
+      if (geometry.cores) addCores(ring, geometry.cores.active.filter((core) => !core.body), COLORS.active);
     } else ring.visible = false;
     if (hasTarget) {
       addFrame(target, 'P', 0.3 * extent, [0.11 * extent, 0, -0.1 * extent]);
@@ -325,6 +325,7 @@
       if (!has(`pose.body.${body.name}`)) continue;
       const made = group(world), line = rod(world, 0.015 * extent, solid(COLORS.soft));
       addFrame(made, body.name, 0.15 * extent);
+      if (geometry.cores) addCores(made, geometry.cores.active.filter((core) => core.body === body.name), COLORS.active);
       bodies[body.name] = { made, line, parent: body.parent };
     }
     const holderOf = (name) => (name === 'base' ? mount : name === geometry.capture_body ? captureBody : bodies[name]?.made);
