@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import dockloop as dl
-from coupling_host import turn
+from coupling_host import cross, turn
 from dockloop.native.core import name_choice
 
 MASS, INERTIA = 25e3, np.array([60.5e3, 132e3, 132e3])
@@ -60,8 +60,8 @@ def dock(step, seen=None):
             u += h * du
             v = v + h * turn(q, a)
             p = p + h * v
-            w = w + h * (torque - np.cross(w, INERTIA * w)) / INERTIA
-            q = q + h / 2 * np.array([-q[1:] @ w, *(q[0] * w + np.cross(q[1:], w))])
+            w = w + h * (torque - cross(w, INERTIA * w)) / INERTIA
+            q = q + h / 2 * np.array([-q[1:] @ w, *(q[0] * w + cross(q[1:], w))])
             q /= np.linalg.norm(q)
     return docking, ""
 

@@ -11,6 +11,7 @@ from fmpy import extract, read_model_description
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
+from lark import Lark
 
 from conftest import SCENES
 
@@ -96,7 +97,23 @@ def set_and_step(slave, reference, value):
     slave.doStep(0.0, 0.01)
 
 
+@pytest.fixture(scope="module")
+def legal_names():
+    """FMPy parses each name of a variable once, not in every scene: that takes most of its time."""
+    parse, legal = Lark.parse, set()
+
+    def parse_once(parser, name):
+        if name not in legal:
+            parse(parser, name)
+            legal.add(name)
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(Lark, "parse", parse_once)
+        yield legal
+
+
 @pytest.mark.parametrize("variant", VARIANTS, ids=" ".join)
+@pytest.mark.usefixtures("legal_names")
 def test_every_scene_gives_a_valid_fmu(runs, variant):
     assert validate_fmu(str(runs.complete_fmu(*variant))) == []
 

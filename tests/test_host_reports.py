@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import dockloop as dl
-from coupling_host import turn
+from coupling_host import cross, turn
 from dockloop.native.core import name_choice
 from vehicles import ARRAYS, HUB, SLOSH, TANK, FlexibleHost
 
@@ -22,7 +22,7 @@ X_HALF = np.array([0.0, 1.0, 0.0, 0.0])  # half a turn about x
 def multiply(a, b):
     """Product of two quaternions."""
     return np.array(
-        [a[0] * b[0] - a[1:] @ b[1:], *(a[0] * b[1:] + b[0] * a[1:] + np.cross(a[1:], b[1:]))]
+        [a[0] * b[0] - a[1:] @ b[1:], *(a[0] * b[1:] + b[0] * a[1:] + cross(a[1:], b[1:]))]
     )
 
 
@@ -111,8 +111,8 @@ def dock(
         for _ in range(10):  # the midpoint rule
             v0, v = v, v + h * (f / mass + gravity)
             p = p + h * (v0 + v) / 2
-            middle = w + h / 2 * (t - np.cross(w, inertia * w)) / inertia
-            w = w + h * (t - np.cross(middle, inertia * middle)) / inertia
+            middle = w + h / 2 * (t - cross(w, inertia * w)) / inertia
+            w = w + h * (t - cross(middle, inertia * middle)) / inertia
             q = q + h / 2 * multiply(q, np.array([0.0, *middle]))
             q /= np.linalg.norm(q)
     return docking
@@ -145,7 +145,7 @@ LOADS = {
     "torque sign": lambda f, t, q: (f, -t),
     "torque missing": lambda f, t, q: (f, 0 * t),
     "torque unit": lambda f, t, q: (f, t / 1000),
-    "torque point": lambda f, t, q: (f, t + np.cross(ARM, turn(inverse(q), f))),
+    "torque point": lambda f, t, q: (f, t + cross(ARM, turn(inverse(q), f))),
     "unreported force": lambda f, t, q: (f + turn(q, np.array([20.0, 0, 0])), t),
     "unreported torque": lambda f, t, q: (f, t + np.array([0, 40.0, 0])),
     "force axes": lambda f, t, q: (f * [1, -1, -1], t),

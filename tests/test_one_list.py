@@ -8,6 +8,7 @@ longer types the list must leave them.
 """
 
 import ast
+import functools
 import itertools
 import json
 import math
@@ -124,11 +125,16 @@ def count_most(members):
     return 2 if len(members) == 2 else max(3, -(-6 * len(members) // 10))
 
 
+@functools.cache
+def find_literals(text):
+    """Begin, end and content of every literal."""
+    return [(m.start(), m.end(), m.group(1) or m.group(2)) for m in LITERAL.finditer(text)]
+
+
 def find_runs(text, members):
     """Lines at which `text` has literals with most of the members close together."""
     known, found, run = set(members), [], []
-    literals = [(m.start(), m.end(), m.group(1) or m.group(2)) for m in LITERAL.finditer(text)]
-    hits = [literal for literal in literals if literal[2] in known]
+    hits = [literal for literal in find_literals(text) if literal[2] in known]
     for hit, following in zip(hits, [*hits[1:], (math.inf, 0, "")], strict=False):
         run.append(hit)
         if following[0] - hit[1] > GAP:
@@ -143,6 +149,7 @@ def find_numbered(text, members):
     hits = sorted(
         match.start()
         for number, name in enumerate(members, 1)
+        if name in text
         for match in re.finditer(rf"\b{number}\W{{1,3}}{re.escape(name)}\b", text)
     )
     pairs = itertools.pairwise(hits)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import dockloop as dl
+from coupling_host import cross
 from dockloop.base.errors import DockloopError
 from dockloop.base.paths import MECHANISMS
 from particles import Cloud, quaternion_matrix, turn
@@ -279,8 +280,8 @@ class RigidHost:
 
         def rate(z):
             q, w = z[:4], z[4:]
-            spin = np.append(-q[1:] @ w, q[0] * w + np.cross(q[1:], w)) / 2
-            return np.append(spin, (torque - np.cross(w, self._moments * w)) / self._moments)
+            spin = np.append(-q[1:] @ w, q[0] * w + cross(q[1:], w)) / 2
+            return np.append(spin, (torque - cross(w, self._moments * w)) / self._moments)
 
         z, n = np.append(q, w), 20
         for _ in range(n):

@@ -9,6 +9,7 @@ root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 cd "$root"
 logs=$root/build/logs
 mkdir -p "$logs"
+export PYTHONDONTWRITEBYTECODE=  # many processes import the same: Python compiles it once
 SECONDS=0
 
 say() { printf '[%4d s] %s\n' "$SECONDS" "$*"; }
@@ -169,6 +170,7 @@ ensure_foreign_pythons() {
 }
 
 # ensure_python [platforms|site|test]: .venv with this package (editable), and with .venv/bin/dockloop.
+# Python compiles what it imports; most of what pip would compile is never used.
 ensure_python() {
   local extra=${1:-} key stamp
   key=$(cat pyproject.toml scripts/lib/setup.sh <(echo "$root") | sha256sum | cut -c 1-16)
@@ -176,9 +178,26 @@ ensure_python() {
   [ -x .venv/bin/dockloop ] && { [ -f "$stamp-test" ] || [ -f "$stamp-$extra" ]; } && return
   say "Python packages into .venv"
   [ -x .venv/bin/python ] || quietly venv python3 -m venv .venv
-  quietly pip .venv/bin/python -m pip install --disable-pip-version-check --no-input \
+  quietly pip .venv/bin/python -m pip install --disable-pip-version-check --no-input --no-compile \
     -e ".[build${extra:+,$extra}]"
   touch "$stamp-$extra"
+}
+
+# ensure_python_and_compile [site|test]: both at a time, since pip uses one processor. All that the
+# build asks of .venv is the extra `build`.
+ensure_python_and_compile() {
+  local build
+  if ! .venv/bin/python -m nanobind --version >/dev/null 2>&1; then
+    say "Python environment .venv"
+    quietly venv python3 -m venv .venv
+    build=$(.venv/bin/python -c 'import tomllib
+print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["build"])')
+    # shellcheck disable=SC2086  # a list of words
+    quietly pip-build .venv/bin/python -m pip install --disable-pip-version-check --no-input $build
+  fi
+  ensure_python "$@" &
+  compile "$@"
+  wait $!
 }
 
 # compile [test]: the module of the Python package and the library of the FMU, in build/release; with

@@ -1,5 +1,5 @@
-// The FMI functions as a host sees them, right and wrong. The source file itself is included: the
-// shared library exports nothing but the C interface, and the tests look at the states behind it.
+// The FMI functions as a host sees them, right and wrong. They are linked without the shared
+// library, which exports nothing but the C interface: the tests look at the states behind it.
 //
 // Verified: (1) which call is permitted in which state, for every pair; (2) refused calls change
 // nothing and say why; (3) instantiation: GUID, type, every form of the resource location; (4) log
@@ -14,8 +14,8 @@
 #include <limits>
 #include <map>
 
-#include "fmi2_functions.cpp"  // NOLINT(bugprone-suspicious-include)
 #include "minimal_scene.hpp"
+#include "resource_location.hpp"
 #include "unit/fmu_test_support.hpp"
 
 namespace dockloop {
@@ -246,12 +246,12 @@ TEST_F(Fmi, InstantiationFailsWithOneLineThatSaysWhy) {
   const Resources broken;
   std::ofstream(broken.folder() + "/model.json") << "{ 100%d";
   const std::string broken_uri = broken.uri();
-  struct Case {
+  struct WrongCall {
     const char *name, *guid, *location;
     fmi2Type type;
     const char* text;
   };
-  const Case cases[] = {
+  const WrongCall cases[] = {
       {nullptr, guid_.c_str(), uri.c_str(), fmi2CoSimulation, "instanceName"},
       {"", guid_.c_str(), uri.c_str(), fmi2CoSimulation, "instanceName"},
       {"dut", nullptr, uri.c_str(), fmi2CoSimulation, "fmuGUID"},
@@ -260,7 +260,7 @@ TEST_F(Fmi, InstantiationFailsWithOneLineThatSaysWhy) {
       {"dut", guid_.c_str(), "file:///nowhere/%25d", fmi2CoSimulation, "/nowhere/%d/model.json"},
       {"dut", guid_.c_str(), broken_uri.c_str(), fmi2CoSimulation, "model.json"},
   };
-  for (const Case& k : cases) {
+  for (const WrongCall& k : cases) {
     SCOPED_TRACE(k.text);
     lines_.clear();
     EXPECT_EQ(

@@ -181,9 +181,11 @@ int add_gear(const std::string& name, int carrier, const Pose<double>& placement
   return loop.first;
 }
 
-/// A rotation that brings one unit vector onto another one.
+/// A rotation that brings one unit vector onto another one that is not opposite to it.
 Mat3<double> find_turn(const Vec3<double>& from, const Vec3<double>& to) {
-  return Eigen::Quaterniond::FromTwoVectors(from, to).toRotationMatrix();
+  const Vec3<double> axis = from.cross(to);
+  const Vec4<double> q(1.0 + from.dot(to), axis[0], axis[1], axis[2]);
+  return quat_to_matrix<double>(q.normalized());
 }
 
 /// Rotors on tubes and rods of slide legs; shafts on the root that turn with joints of two legs,
