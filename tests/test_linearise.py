@@ -225,6 +225,23 @@ def test_what_the_command_prints_fits_a_page(dockloop, scene):
     assert f"build/results/{scene}/{scene}_linear.png" in outcome.out
 
 
+@pytest.mark.parametrize(
+    ("more", "text"),
+    [
+        (["--bode", "chaser.force_ext[4]", "gap"], "no 'chaser.force_ext[4]'"),
+        (["--bode", "chaser.force_ext[1]", "gap[2]"], "no 'gap[2]'"),
+        (["--scene", "chaser.motion=driven"], "has a driven vehicle"),
+    ],
+)
+def test_what_no_model_can_have_is_refused_before_the_first_step(dockloop, monkeypatch, more, text):
+    def step(*_):
+        raise AssertionError("a step was made")
+
+    monkeypatch.setattr(dl.Docking, "step", step)
+    outcome = dockloop("linearise", "idss_25t_350t", "--at", "capture", *more)
+    assert (outcome.status, text in outcome.err) == (2, True), outcome
+
+
 def test_the_command_says_what_is_wrong(dockloop):
     for more, text in (
         (["--at", "hard_dock"], "--at is 'hard_dock': must be a time or capture, hard_docked (did"),

@@ -112,11 +112,24 @@ def test_a_scene_that_states_its_vehicles_has_no_boundary(dockloop, tmp_path):
         (["--from", "none.json"], ["none.json"]),
         (["--tolerance", "0.3"], ["--tolerance", "0.25"]),
         ([*AXES[:3], "x", *AXES[4:]], ["--x", "two numbers"]),
+        ([*AXES, "--criterion", "capturd"], ["--criterion", "capturd"]),
+        (["--criterion", "load_ratio"], ["--criterion", "load_ratio"]),
+        (["--x", "no.such", "1", "2", *AXES[4:]], ["no.such"]),
+        ([*AXES, "--set", "chaser.mas=2e4"], ["chaser.mas"]),
     ],
 )
-def test_bad_words_are_one_sentence(dockloop, tmp_path, more, words):
+def test_bad_words_are_one_sentence_before_any_work(dockloop, tmp_path, monkeypatch, more, words):
+    def run(*_, **__):
+        raise AssertionError("a docking was run")
+
+    monkeypatch.setattr("dockloop.review.command.run", run)
     refused = dockloop("review", "absorber_1d", "--no-pdf", "-o", tmp_path, *SHORT, *more)
     assert_refused(refused, *words)
+
+
+def test_a_criterion_without_a_boundary_is_refused(dockloop, tmp_path):
+    words = ["hexapod_bench", "--no-pdf", "-o", tmp_path, "--criterion", "captured"]
+    assert_refused(dockloop("review", *words), "--criterion", "--x", "--y")
 
 
 def test_files_of_others_stay_and_a_missing_package_is_named(dockloop, tmp_path, monkeypatch):

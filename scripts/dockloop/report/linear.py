@@ -16,7 +16,7 @@ from dockloop.base.sections import FACTS, Section, list_files
 from dockloop.native.core import name_choice
 from dockloop.result.summary import write_summary
 from dockloop.runs.docking import Docking
-from dockloop.runs.linear import LinearModel, find_linear_model
+from dockloop.runs.linear import LinearModel, check_pair, find_linear_model
 from dockloop.scene.find import find_scene
 from dockloop.sweeps.settings import parse_setting, parse_settings
 
@@ -41,6 +41,8 @@ def run_command(options: argparse.Namespace) -> dict[str, Any]:
     docking = Docking(options.scene, overrides)
     for text in options.set:
         docking.set(*parse_setting("--set", text))
+    if options.bode:
+        check_pair(docking, *options.bode)
     model = find_linear_model(docking, read_if_number(options.at))
     found = make_document(model, *(options.bode or choose_pair(model)))
     files = [output]

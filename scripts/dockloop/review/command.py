@@ -37,14 +37,14 @@ from dockloop.result.capture import WITH_CAPTURE
 from dockloop.result.recording import Result
 from dockloop.result.summary import COMMAND as RUN
 from dockloop.result.summary import write_summary
-from dockloop.runs.docking import run
+from dockloop.runs.docking import Scene, run
 from dockloop.scene.find import find_scene
 from dockloop.scene.hardware import find_extent, make_hardware
 from dockloop.scene.mechanism_drawing import SHEET, write_drawing
 from dockloop.studies.envelopes.band import read_draws
 from dockloop.studies.envelopes.command import Envelope, envelope
 from dockloop.studies.envelopes.report import report_envelope
-from dockloop.studies.envelopes.search import check_tolerance
+from dockloop.studies.envelopes.search import Axis, Order, check_tolerance, prepare_search
 from dockloop.sweeps.settings import Range, make_experiment, parse_range, parse_settings
 
 COMMAND = "dockloop review"
@@ -85,9 +85,10 @@ def run_command(options: argparse.Namespace) -> dict[str, Any]:
         settings["accuracy"] = read_if_number(options.accuracy)
     more: dict[str, Any] = {"overrides": overrides, "start_values": settings}
     more |= {"stop": options.stop, "step": options.step}
+    axes = _choose_axes(options, Scene(options.scene, overrides).document)
+    _check_boundary(options, axes, overrides | settings)
     progress = ProgressBar(path.stem)
     result = run(options.scene, estimate_error=True, progress=progress, **more)
-    axes = _choose_axes(options, result.scene)
     worst = _find_worst(options, overrides | settings, axes)
     band = _find_band(options, overrides | settings)
     found = _find_envelope(options, axes, more, worst)
@@ -138,8 +139,29 @@ def _check_numbers(options: argparse.Namespace) -> None:
     check_whole("--directions", options.directions, 1, 360)
     check_whole("--cases", options.cases, 2, 10_000)
     check_tolerance(options.tolerance)
-    if options.fitted is not None:
-        read_draws(options.fitted, options.cases, 0)
+
+
+def _check_boundary(
+    options: argparse.Namespace, axes: Sequence[Range], settings: dict[str, Any]
+) -> None:
+    """Check, before anything runs, what the boundary and the fit take. Raises UsageError."""
+    draws = None if options.fitted is None else read_draws(options.fitted, options.cases, 0)
+    if not axes:
+        if options.criterion != [CRITERION]:
+            raise UsageError(
+                f"--criterion {options.criterion[0]!r}: there is no boundary, as the scene states"
+                " its vehicles as they are: give --x and --y too"
+            )
+        return
+    decided = {axis[0] for axis in axes}
+    order = Order(
+        options.scene,
+        tuple(Axis(*axis) for axis in axes),
+        tuple(options.criterion),
+        {name: value for name, value in settings.items() if name not in decided},
+        make_experiment(options.stop, options.step),
+    )
+    prepare_search(draws.put_values(order) if draws else order)
 
 
 def _claim(

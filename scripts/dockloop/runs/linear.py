@@ -154,18 +154,9 @@ def linearise(
 
 def find_linear_model(docking: Docking, at: float | str) -> LinearModel:
     """Step a docking to one instant and return its linear model there; as for `linearise`."""
+    states, inputs, outputs = _list_signals(docking)
     _go_to(docking, at)
     names = list(docking.variables)
-    states = [name for name in names if f"der({name})" in docking.variables]
-    if not states:
-        raise UsageError(
-            f"{docking.scene.name} has a driven vehicle, whose motion is no state: set"
-            " chaser.motion and target.motion to free"
-        )
-    inputs = [
-        n for n, v in docking.variables.items() if v.causality == "input" and v.type == "Real"
-    ]
-    outputs = [names[row] for row in docking._core.differentiable()]
     unknowns = [f"der({name})" for name in states] + outputs
     places = {name: row for row, name in enumerate(names)}
     with core_errors():
@@ -198,6 +189,27 @@ def find_linear_model(docking: Docking, at: float | str) -> LinearModel:
     model.turn_rate = float(max(map(np.linalg.norm, rates), default=0.0))
     model.stiffness, model.damping = find_interface(model) or (None, None)
     return model
+
+
+def check_pair(docking: Docking, input_: str, output: str) -> None:
+    """Check names before a docking is stepped. Raises UsageError: the model will not have one."""
+    _, inputs, outputs = _list_signals(docking)
+    _find_place("inputs", inputs, input_)
+    _find_place("outputs", outputs, output)
+
+
+def _list_signals(docking: Docking) -> tuple[list[str], list[str], list[str]]:
+    """Return states, inputs and outputs. Raises UsageError: a driven vehicle has no states."""
+    variables = docking.variables
+    names = list(variables)
+    states = [name for name in names if f"der({name})" in variables]
+    if not states:
+        raise UsageError(
+            f"{docking.scene.name} has a driven vehicle, whose motion is no state: set"
+            " chaser.motion and target.motion to free"
+        )
+    inputs = [n for n, v in variables.items() if v.causality == "input" and v.type == "Real"]
+    return states, inputs, [names[row] for row in docking._core.differentiable()]
 
 
 def _find_poles(matrix: np.ndarray) -> np.ndarray:

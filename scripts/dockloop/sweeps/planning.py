@@ -10,7 +10,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from dockloop.base.errors import DockloopError, UsageError, did_you_mean, warn
+from dockloop.base.errors import DockloopError, UsageError, did_you_mean, warn_once
 from dockloop.base.number import as_number
 from dockloop.base.paths import is_file, next_to, read_text, shown
 from dockloop.base.units import find_factor
@@ -145,7 +145,7 @@ class Planner:
             self.assured = tuple(dict.fromkeys([*self.assured, *figures]))
         has_ratio = any(name.endswith(".load_ratio") for name in criterion.outputs)
         if has_ratio and not self.base["mechanism"].get("limits"):
-            warn(
+            warn_once(
                 f"{option} '{text}': the mechanism has no rated loads (member 'limits'), so"
                 " load_ratio is always 0: compare loads, for example compression < 1000"
             )

@@ -177,7 +177,7 @@ def find_envelope(
         DockloopError: no docking could be run, or the engine failed.
         InterruptedWorkError: by Ctrl-C.
     """
-    search = _prepare(order, judge)
+    search = prepare_search(order, judge)
     planner, resume = search.planner, how.get("resume", False)
     if resume:
         planner.collect_like(find_outcomes(journal))
@@ -217,8 +217,8 @@ def _check_numbers(order: Order) -> Order:
     )
 
 
-def _prepare(order: Order, judge: Judge | None) -> Search:
-    """Check what is asked for, before anything runs."""
+def prepare_search(order: Order, judge: Judge | None = None) -> Search:
+    """Check what is asked for, before anything runs. Raises UsageError."""
     dimensions = len(order.axes)
     if dimensions not in _COARSE:
         raise UsageError(f"--x, --y, --z: there are {dimensions} quantities: must be 2 or 3")
