@@ -58,7 +58,7 @@ def test_every_number_has_a_unit_or_none():
     bare = set(re.findall(r"(\w+) [\d.e+-]+(?=;| \|)", rows))
     assert bare == {
         "node_count", "petal_count", "regularisation", "restitution", "friction_model",
-        "friction_coefficient", "count",
+        "friction_coefficient", "count", "engagement",
     }  # fmt: skip
 
 

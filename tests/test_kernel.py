@@ -77,6 +77,7 @@ def warnings(lines):
         (DOCKING, (NEAR,), 100),
         (DOCKING, (NEAR, "chaser.motion=driven"), 60),
         (DOCKING, (NEAR, "model.level=massless_legs"), 60),
+        ("gripper", ("initial.approach_time=0.1",), 150),
         ("absorber_1d", (), 100),
     ],
 )

@@ -17,6 +17,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
+from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -53,6 +54,14 @@ class Family(NamedTuple):
     sets: tuple[str, ...]
     reads: tuple[str, ...]
 
+    def list_forces(self, document: dict) -> list[tuple[str, str]]:
+        """Return label and variable of each force that is drawn: of legs, else of fingers."""
+        legs = [leg["name"] for leg in document.get("legs", ())]
+        if legs:
+            return [(name, f"leg[{i}].force") for i, name in enumerate(legs, 1)]
+        groups = dict.fromkeys(c.get("group", c["name"]) for c in document["contact"]["active"])
+        return [(name, f"contact.surface[{i}].force") for i, name in enumerate(groups, 1)]
+
 
 _SETS = ("command", "chaser.contact_thrust", "chaser.contact_thrust_delay", "friction.coefficient")
 _READS = (
@@ -77,6 +86,15 @@ FAMILIES = {
         reads=(*_READS, "element[1].coordinate", "element[1].force", "element[1].saturation",
                "leg[1].force", "contact.surface[3].force", "contact.surface[5].force",
                "latch[1].force"),
+    ),
+    "gripper": Family(
+        drive=(1,),
+        sets=("command", "friction.coefficient", "failure[1].active", "failure[2].active",
+              "element[2].law[1].limit"),
+        reads=("sequence.step", "outcome", "captured", "time_of_capture", "relative.axial", "gap",
+               "capture.load_ratio", "energy.drive_work", "energy.residual",
+               "element[1].coordinate", "element[2].coordinate", "element[2].force",
+               "element[2].saturation", *(f"contact.surface[{i}].force" for i in range(1, 7))),
     ),
 }  # fmt: skip
 
@@ -149,9 +167,10 @@ class Numbers:
         self._add_contact()
         self._add_latches()
         self._add("rated loads", self.document["limits"], "limits")
+        group = self.document.get("interface", {})
         for part in ("faces", "hooks", "pushers"):
-            group = self.document["interface"]
-            self._add(part, group[part], f"interface.{part}", comment=group.get("comment", ""))
+            if part in group:
+                self._add(part, group[part], f"interface.{part}", comment=group.get("comment", ""))
         self._add_actions()
         for (text, source), names in self._rows.items():
             yield name_all(names), text, source
@@ -222,13 +241,17 @@ class Numbers:
             self._add("guide ring", own, "contact (type guide_ring)", comment=comment)
         else:
             for core_ in (*own["active"], *own["passive"]):
-                text = {k: v for k, v in core_.items() if k != "piece_groups"}
+                text = {
+                    k: v for k, v in core_.items() if k not in ("piece_groups", "group", "body")
+                }
                 path = "contact (type surfaces).active[]"
                 self._add(f"surface {core_['name']}: {core_['kind']}", text, path)
         self._add("contact law", contact["law"], "contact (type surfaces).law")
 
     def _add_latches(self) -> None:
-        latches = self.document["latches"]
+        latches = self.document.get("latches")
+        if latches is None:
+            return
         path = f"latches ({'with' if 'list' in latches else 'without'} list)"
         text = {k: v for k, v in latches.items() if k != "list"}
         self._add("latches", text, path, comment=join_comment(latches))
@@ -239,9 +262,18 @@ class Numbers:
             for action in step.get("do", ()):
                 what = action.get("element", action.get("elements"))
                 if isinstance(action.get("run"), dict):
-                    run = action["run"]
-                    text = f"drive to {run['target']:g} m at {1e3 * run['speed']:g} mm/s"
+                    run, unit = action["run"], "m" if self.slides(what) else "rad"
+                    text = f"drive to {run['target']:g} {unit}"
+                    if "speed" in run:
+                        text += f" at {1e3 * run['speed']:g} m{unit}/s"
                     self._note(f"step {step['name']}", f"{what}: {text}", "")
+
+    def slides(self, elements: str) -> bool:
+        """Return whether the coordinate of elements of this name, or pattern, is a travel."""
+        joints = {body["name"]: body["joint"]["type"] for body in self.document["bodies"]}
+        named = (f for f in self.document["forces"] if fnmatch(f.get("name", ""), elements))
+        term = next(named)["along"][0]
+        return joints.get(term["joint"]) != "revolute" or term.get("ratio", 1.0) != 1.0
 
 
 def join_comment(group: dict) -> str:
@@ -317,20 +349,24 @@ class Share(NamedTuple):
 def list_shares(name: str, run: dl.Result) -> Iterator[Share]:
     """Yield loads, travels to stops and forces of drives."""
     document = read_mechanism(name)
+    numbers = Numbers(document)
     for load in LIMITS:
         unit = "N m" if load in ("bending", "torsion") else "N"
         yield Share(load, run[f"capture.peak.{load}"][-1], document["limits"][load], unit)
     for i, force in enumerate(document["forces"], 1):
         travel = 1e3 * run[f"element[{i}].coordinate"]
+        slides = numbers.slides(force["name"])
+        length, unit = ("mm", "N") if slides else ("mrad", "N m")
         for law in force["laws"]:
             if law["type"] == "stop":
                 what = f"travel of {force['name']}"
                 ends = ((np.min(travel), law["lower"]), (np.max(travel), law["upper"]))
-                shares = (Share(what, most, 1e3 * end, "mm") for most, end in ends)
+                shares = (Share(what, most, 1e3 * end, length) for most, end in ends)
                 yield max(shares, key=lambda share: share.share)
             if law["type"] == "drive":
                 most = np.max(run[f"element[{i}].saturation"]) * law["limit"]
-                yield Share(f"force of the drive of {force['name']}", most, law["limit"], "N")
+                kind = "force" if slides else "torque"
+                yield Share(f"{kind} of the drive of {force['name']}", most, law["limit"], unit)
 
 
 def list_loads(name: str, run: dl.Result) -> list[Block]:
@@ -345,6 +381,31 @@ def list_loads(name: str, run: dl.Result) -> list[Block]:
         each = (f"{value:.0f} {most.unit}" for value in (most.largest, most.rated))
         table.add(what, *each, f"{100 * most.share:.0f} %")
     return [f"<!-- files {find_stamp(name)} -->", table]
+
+
+def list_boundary(name: str) -> Table:
+    """Return the largest lateral offset that is captured, for speeds and directions."""
+    directions = (0.0, 60.0)  # deg: towards a finger, and between two
+    table = Table("closing speed", *(f"offset towards {d:g} deg" for d in directions))
+    for speed in (0.01, 0.03, 0.08):
+        largest = []
+        for direction in directions:
+            low, high = 0.0, 0.4
+            while high - low > 2e-3:
+                offset = 0.5 * (low + high)
+                keys = {
+                    "initial.closing_speed": speed,
+                    "initial.lateral_offset": offset,
+                    "initial.lateral_direction_deg": direction,
+                }
+                try:
+                    captured = dl.run(name, keys, stop=10.0, step=0.25)["captured"][-1]
+                except dl.DockloopError:  # a ring that starts in a finger
+                    captured = False
+                low, high = (offset, high) if captured else (low, offset)
+            largest.append(f"{1e3 * low:.0f} mm")
+        table.add(f"{1e3 * speed:.0f} mm/s", *largest)
+    return table
 
 
 def list_steps(name: str, run: dl.Result) -> list[tuple[float, str]]:
@@ -373,9 +434,8 @@ def draw_docking(name: str, run: dl.Result) -> Any:
             share = run[f"capture.{load}"][shown] / document["limits"][load]
             loads.plot(t[shown], share, linewidth=0.8, label=load)
         loads.axhline(1.0, color=SOFT, linewidth=0.8)
-        for i in range(1, len(document["legs"]) + 1):
-            legs.plot(t[shown], run[f"leg[{i}].force"][shown], linewidth=0.8,
-                      label=document["legs"][i - 1]["name"])  # fmt: skip
+        for label, variable in FAMILIES[name].list_forces(document):
+            legs.plot(t[shown], run[variable][shown], linewidth=0.8, label=label)
         for i in FAMILIES[name].drive:
             label = document["forces"][i - 1]["name"]
             drive.plot(t[shown], run[f"element[{i}].coordinate"][shown], linewidth=0.8, label=label)
@@ -389,7 +449,8 @@ def draw_docking(name: str, run: dl.Result) -> Any:
             axis.set_xlim(low, high)
             axis.tick_params(labelsize="small")
         panels[-1, side].set_xlabel("time [s]", fontsize="small")
-    texts = ("load / rated load", "leg force [N]", "travel, distance [m]", "step")
+    force = "leg force [N]" if "legs" in document else "contact force [N]"
+    texts = ("load / rated load", force, "travel, distance [m]", "step")
     for axis, text in zip(panels[:, 0], texts, strict=True):
         axis.set_ylabel(text, fontsize="small")
     for axis in panels[:3, 1]:
@@ -430,6 +491,7 @@ def make_page(name: str, run: dl.Result | None = None) -> str:
     blocks: dict[str, Block] = {"numbers": list_numbers(name), "variables": list_variables(name)}
     if run is not None:
         blocks["loads"] = list_loads(name, run)
+        blocks["boundary"] = list_boundary(name)
     return fill(find_page(name).read_text(encoding="utf-8"), blocks)
 
 
