@@ -176,6 +176,9 @@ HostFinding HostCoupling::judge(int i, const VehicleState& z) {
   step.change = v.by_stated.v - v.received.v - v.fall;
   step.error = z.v - v.by_stated.v;
   step.turn_error = z.w - v.by_stated.w;
+  step.offset = z.x - v.by_stated.x;
+  step.turn_offset =
+      quat_log<double>(quat_multiply<double>(quat_conjugate<double>(v.by_stated.q), z.q));
   step.gravity = loads_.at_start().gravity.norm();
   // Gravity as a constant over the step has at least this error.
   step.rounding = kSilentChange + kRelativeRounding * inputs_.vehicle[i].velocity.norm() +
@@ -186,13 +189,16 @@ HostFinding HostCoupling::judge(int i, const VehicleState& z) {
   if (sums.turn_errors + sums.move_errors > 0) return {};
   const bool may_be_body =
       by_loads.fault == kHostRight || by_loads.fault == kUnexplained || is_body(by_loads.fault);
-  const bool is_known = is_identified(i) && sums.force.loaded >= kLoadedSteps;
-  if (may_be_body && is_known) return explain_by_body(i, by_loads);
   // A part that swings on after a load is an unreported load, too.
   const bool may_be_mode =
       may_be_body || by_loads.fault == kUnreportedForce || by_loads.fault == kUnreportedTorque;
-  if (!may_be_mode || fits_reports(v.estimate)) return by_loads;
-  if (const HostFinding mode = explain_by_mode(h, sums); mode.fault != kHostRight) return mode;
+  if (!may_be_mode) return by_loads;
+  const bool is_known = may_be_body && is_identified(i) && sums.force.loaded >= kLoadedSteps;
+  const bool fits = fits_reports(v.estimate);
+  const HostFinding mode = explain_by_mode(h, is_known || fits, sums);
+  if (mode.fault != kHostRight) return mode;
+  if (is_known) return explain_by_body(i, by_loads);
+  if (fits) return by_loads;
   // At first a flexible part moves as another mass or inertia, but not as ten numbers.
   const bool is_open = v.estimate.count > 0.0 && sums.force.loaded * h < kModeTime;
   return may_be_body && is_open ? HostFinding() : by_loads;

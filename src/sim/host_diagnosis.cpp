@@ -569,10 +569,14 @@ HostFinding judge_loads(const LoadStep& step, double keep, ReportSums& sums) {
   std::rotate(sums.held.begin(), sums.held.end() - 1, sums.held.end());
   sums.held.front() = step.held;
   const double radius = std::sqrt(step.inertia.trace() / (3.0 * step.mass));
-  Vec6<double> error, change;
-  error << step.R.transpose() * step.error, radius * step.turn_error;
-  change << step.R.transpose() * f, t / radius;
-  add_to_mode(error, step.h / step.mass * change, step.h, keep, sums.mode);
+  ModeStep mode;
+  mode.error << step.R.transpose() * step.error, radius * step.turn_error;
+  mode.offset << step.R.transpose() * step.offset, radius * step.turn_offset;
+  mode.change << step.R.transpose() * f, t / radius;
+  mode.change *= step.h / step.mass;
+  mode.rounding = step.rounding;
+  mode.h = step.h;
+  add_to_mode(mode, keep, sums.mode);
 
   const double limit = kUnmodelled * std::max(1.0, step.gravity), missing = step.error.norm();
   // Errors that begin without a load are no wrong response to loads.
@@ -634,15 +638,16 @@ HostFinding judge_loads(const LoadStep& step, double keep, ReportSums& sums) {
   return {};
 }
 
-HostFinding explain_by_mode(double h, const ReportSums& sums) {
+HostFinding explain_by_mode(double h, bool fits, const ReportSums& sums) {
   const ResponseSums &f = sums.force, &t = sums.torque;
-  if (std::max(find_error_size(f), find_error_size(t)) < kLoadError) return {};
+  const int loaded = std::max(f.loaded, t.loaded);
+  if (loaded < kEnoughSteps) return {};
   for (const ResponseSums* r : {&f, &t}) {
     if (find_felt(*r) < kLeastFelt && may_be_late(*r, h)) return {};
   }
-  const double frequency = find_mode_frequency(sums.mode, h);
-  const double time = h * std::max(f.loaded, t.loaded);
-  return frequency * time > kLeastPeriods ? HostFinding{kFlexiblePart, frequency} : HostFinding();
+  const Mode mode = find_mode(sums.mode, h);
+  const bool is_seen = mode.rate * loaded * h > kLeastPeriods && (mode.bends || !fits);
+  return is_seen ? HostFinding{kFlexiblePart, mode.frequency} : HostFinding();
 }
 
 double find_scaled_error(const ReportSums& sums) {

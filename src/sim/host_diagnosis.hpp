@@ -124,7 +124,7 @@ inline const ChoiceList kHostFaults = {
     {kStartOfStep, "start of step", "coupling.mode 3, but the motion at the start of the step"},
     {kMotionAge, "age of motion", "not coupling.motion_delay; value in s"},
     {kWrongCentre, "centre of mass", "value: its distance from the reported position in m"},
-    {kFlexiblePart, "flexible part", "one mode explains the reports; value: frequency in Hz"},
+    {kFlexiblePart, "flexible part", "one mode explains the reports; value: its frequency in Hz"},
     {kPositionAxes, "position axes", "those of N, but exchanged or reversed"},
     {kForceAxes, "force axes", "force_mean acts with its axes exchanged or reversed"},
     {kTorqueAxes, "torque axes", "torque_mean acts with its axes exchanged or reversed"},
@@ -230,17 +230,19 @@ struct LoadStep {
   std::array<Wrench<double>, kLateLoads> next;     ///< of later steps, the next one first
   std::array<Wrench<double>, kLateLoads> earlier;  ///< of earlier steps, with a stated delay
   int next_count = 1;
-  Vec3<double> change;             ///< of velocity as predicted, gravity apart [m/s]
-  Vec3<double> error, turn_error;  ///< received minus predicted
-  double rounding = 0.0;           ///< changes of velocity that are ignored [m/s]
-  double gravity = 0.0;            ///< [m/s2]
+  Vec3<double> change;               ///< of velocity as predicted, gravity apart [m/s]
+  Vec3<double> error, turn_error;    ///< received minus predicted
+  Vec3<double> offset, turn_offset;  ///< the same of position and attitude [m], [rad]
+  double rounding = 0.0;             ///< changes of velocity that are ignored [m/s]
+  double gravity = 0.0;              ///< [m/s2]
 };
 
 /// Do changes of velocity follow loads? @param keep  factor of older sums
 HostFinding judge_loads(const LoadStep& step, double keep, ReportSums& sums);
 
-/// Does a flexible mode explain the responses to loads? @param h  last step [s]
-HostFinding explain_by_mode(double h, const ReportSums& sums);
+/// Does a flexible mode explain the responses to loads? @param h  last step [s]; @param fits  a
+/// rigid body of another mass explains the velocities: then only positions tell
+HostFinding explain_by_mode(double h, bool fits, const ReportSums& sums);
 
 /// Errors of motion and of responses to loads, relative to both; the largest [-].
 double find_scaled_error(const ReportSums& sums);

@@ -1,30 +1,47 @@
 // Does one flexible mode explain what a host reports of its vehicle?
 //
-// The reported point leaves the rigid body that has all of the mass: by S, with the velocity s. The
-// error of a step is the change of s. A mode has one direction u in all six coordinates, and is
-// driven by the load along u only. So u e = b (u f) + c (u S) + d (u s), with constants b, c, d.
-// Sums of products of e, f, S, s over the steps give u, then the constants, then the frequency.
+// The reported point leaves the rigid body that has all of the mass: by S, with the velocity s. A
+// mode has one direction u in all six coordinates, and is driven by the load along u only, which is
+// constant over a step. So both move on by constants: u S' = a (u f) + b (u S) + c (u s), and s
+// likewise. Sums of products over the steps give u, then the constants, then the frequency. The
+// constants are those of an oscillator at the ends of a step. Their ratio has its frequency, even
+// if it swings several times in a step.
 #pragma once
 
 #include "math/types.hpp"
 
 namespace dockloop {
 
-/// Sums over the reports of one vehicle. Body axes; rotations are lengths, by the radius of
+/// How a vehicle left its rigid body in a step. Body axes; rotations are lengths, by the radius of
 /// gyration.
-struct ModeSums {
-  using Row = Eigen::Matrix<double, 24, 1>;  ///< error, change by the load [m/s], S [m], s [m/s]
-  Eigen::Matrix<double, 24, 24> products = Eigen::Matrix<double, 24, 24>::Zero();
-  Vec6<double> displacement = Vec6<double>::Zero(), velocity = Vec6<double>::Zero();  ///< S, s
+struct ModeStep {
+  Vec6<double> error;   ///< of the velocity: received minus predicted [m/s]
+  Vec6<double> offset;  ///< of the position, likewise [m]
+  Vec6<double> change;  ///< of the velocity by the load, of a rigid body [m/s]
+  double rounding;      ///< changes of velocity that are ignored [m/s]
+  double h;             ///< [s]
 };
 
-/// @param error  received minus predicted velocity; @param change  by the load, of a rigid body;
-///     @param h  step [s]; @param keep  factor of older sums
-void add_to_mode(const Vec6<double>& error, const Vec6<double>& change, double h, double keep,
-                 ModeSums& sums);
+/// Sums over the reports of one vehicle.
+struct ModeSums {
+  using Row = Eigen::Matrix<double, 30, 1>;  ///< changes of s [m/s], of S / h; change, S [m], s
+  Eigen::Matrix<double, 30, 30> products = Eigen::Matrix<double, 30, 30>::Zero();
+  Vec6<double> displacement = Vec6<double>::Zero(), velocity = Vec6<double>::Zero();  ///< S, s
+  double rounding2 = 0.0;  ///< squares of what is ignored [m2/s2]
+};
 
-/// Frequency of the mode that explains the errors, as steps of h show it: half of the rate of
-/// reports is the highest [Hz]. 0 if no mode does, or if a rigid body explains as much.
-double find_mode_frequency(const ModeSums& sums, double h);
+/// @param keep  factor of older sums
+void add_to_mode(const ModeStep& step, double keep, ModeSums& sums);
+
+struct Mode {
+  double frequency =
+      0.0;  ///< on the free vehicle [Hz]; 0: no mode, or a rigid body explains as much
+  bool bends =
+      false;          ///< steps are no steps of a rigid body, whatever its mass: S / h is not s / 2
+  double rate = 0.0;  ///< at which it shows: of its swing and its decay, as steps fold it [Hz]
+};
+/// The mode that explains the reports. Of a step of whole periods, these are one. @param h  step
+/// [s]
+Mode find_mode(const ModeSums& sums, double h);
 
 }  // namespace dockloop

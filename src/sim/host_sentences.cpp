@@ -118,9 +118,10 @@ const FaultText kTexts[] = {
      "$v moves as if its centre of mass were $x m from $v.position: report position and velocity "
      "of the centre of mass, and apply force_mean and torque_mean there"},
     {kFlexiblePart,
-     "$v has a flexible part, which swings at $x Hz as the reports show it: put a part that "
-     "carries the docking hardware into the FMU ([$v.adapter] of the scene); of arrays or slosh, "
-     "report the vehicle without them, and their mean loads in $v.force_ext and $v.torque_ext"},
+     "$v has a flexible part, which swings at $x Hz, or at a multiple if a step has half or whole "
+     "periods of the part: put a part that carries the docking hardware into the FMU ([$v.adapter] "
+     "of the scene); of arrays or slosh, report the vehicle without them, and their mean loads in "
+     "$v.force_ext and $v.torque_ext"},
     {kPositionAxes,
      "$v.position has the axes of N exchanged or reversed: report the axes in which the start "
      "position is stated"},
