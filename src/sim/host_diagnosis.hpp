@@ -241,7 +241,7 @@ struct LoadStep {
 HostFinding judge_loads(const LoadStep& step, double keep, ReportSums& sums);
 
 /// Does a flexible mode explain the responses to loads? @param h  last step [s]; @param fits  a
-/// rigid body of another mass explains the velocities: then only positions tell
+/// rigid body of another mass explains the velocities: then positions decide
 HostFinding explain_by_mode(double h, bool fits, const ReportSums& sums);
 
 /// Errors of motion and of responses to loads, relative to both; the largest [-].
