@@ -206,7 +206,7 @@ def _list_hidden(problem: Problem, found: Found) -> Iterator[str]:
             yield (
                 f"every channel of '{problem.trials[number].name}' has impacts that are shorter"
                 " than a step of the run, and make false valleys, which the deviations do not show:"
-                " fit a channel of the motion too, or state a smaller --step"
+                " fit a channel of the motion too, or take --loss soft_l1"
             )
     for series, judged, band in zip(problem.series, found.judged, found.bands, strict=True):
         channel = f"{series.name} in '{problem.trials[series.trial].name}'"
