@@ -77,6 +77,7 @@ class SeatedRings {
     };
     model.pairs.erase(std::remove_if(model.pairs.begin(), model.pairs.end(), is_face),
                       model.pairs.end());
+    model.bodies[0].count = model.pair_count();
     return model;
   }
 
