@@ -161,6 +161,15 @@ def test_plates_profiles_and_nodes_are_reflected_with_what_belongs_to_them():
 # ---------------------------------------------------------------------------- 4. keys and refusals
 
 
+def test_cores_on_bodies_stay_in_the_axes_of_their_bodies():
+    """The bodies stand at the places of the copies already."""
+    tip = {"name": "tip#", "kind": "point", "body": "finger#", "position": [0.1, 0.0, 0.2]}
+    contact = {"contact": {"type": "surfaces", "active": []}}
+    made = expand(contact, count=3, active=[tip])["contact"]["active"]
+    assert [core["body"] for core in made] == ["finger1", "finger2", "finger3"]
+    assert all(core["position"] == [0.1, 0.0, 0.2] for core in made)
+
+
 def test_numbers_of_a_pattern_are_keys_of_the_scene(tmp_path, dockloop):
     scene = write_hexapod(tmp_path)
     key = "mechanism.set.patterns.1.legs.1.root_point.radius"

@@ -256,3 +256,22 @@ def test_a_group_without_a_piece_has_no_outputs(tmp_path, own, count):
 
 def test_schema_accepts_the_probe():
     assert schema.find_violation(read_probe(), "mechanism") is None
+
+
+def test_rings_of_both_sides_may_differ(tmp_path):
+    """A passive side that states what it shares has the same bits; one without petals has none."""
+    mechanism = json.loads((paths.MECHANISMS / "idss_hexapod.json").read_text())
+    text = (paths.SCENES / "idss_25t_350t.toml").read_text(encoding="utf-8")
+    runs = []
+    for passive in (None, {"petal_tip_x": mechanism["contact"]["petal_tip_x"]}, {"petal_count": 0}):
+        if passive is not None:
+            mechanism["contact"]["passive"] = passive
+        (tmp_path / "own.json").write_text(json.dumps(mechanism))
+        scene = tmp_path / "own.toml"
+        scene.write_text(text.replace('name = "idss_hexapod"', 'name = "own"'))
+        runs.append(dl.run(scene, stop=6.0, step=0.05))
+    same, stated, bare = runs
+    assert np.array_equal(same["relative.axial"], stated["relative.axial"])
+    assert np.max(np.abs(same["relative.axial"] - bare["relative.axial"])) > 1e-3
+    assert np.max(np.abs(bare["energy.residual"])) < 3e-6 * bare["energy.kinetic"][0]
+    assert np.max(bare["momentum.residual"]) < 1e-12

@@ -150,7 +150,7 @@ def test_loads_above_rated_are_events(docking):
 def test_passive_petals_face_the_active_ones(page):
     """As in src/contact/guide_ring.cpp: a turn by pi about the axis at azimuth 30 deg."""
     ring = read_page(page)["geometry"]["ring"]
-    passive = np.array([ring["passive"]["q"]])
+    passive = np.array([ring["passive"]["pose"]["q"]])
     tips = [geometry.turn(passive, np.array(petal[2]))[0] for petal in ring["petals"]]
     middles = [geometry.turn(passive, np.mean(petal, axis=0))[0] for petal in ring["petals"]]
     assert all(tip[0] < -0.2 for tip in tips)

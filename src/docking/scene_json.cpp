@@ -50,23 +50,32 @@ VehicleParameters read_vehicle(const JsonReader& item) {
   return p;
 }
 
-GuideRing read_guide_ring(const JsonReader& item) {
+/// @param own  members that one side does not share with the other
+GuideRing read_guide_ring(const JsonReader& common, const JsonReader& own) {
+  const auto find_owner = [&](const std::string& name) -> const JsonReader& {
+    return own.has(name) || own.has(name + "_deg") ? own : common;
+  };
+  const auto number = [&](const char* name) { return find_owner(name).at(name).number(); };
+  const auto angle = [&](const char* name) { return find_owner(name).angle(name); };
+  const auto count = [&](const char* name, int most) {
+    return find_owner(name).at(name).whole(0, most);
+  };
   GuideRing ring;
-  ring.core_x = item.at("core_x").number();
-  ring.core_inner_radius = item.at("core_inner_radius").number();
-  ring.core_outer_radius = item.at("core_outer_radius").number();
-  ring.ring_rounding = item.at("ring_rounding").number();
-  ring.node_count = item.at("node_count").whole(0, kMaxNodes);
-  ring.node_radius = item.at("node_radius").number();
-  ring.node_azimuth_offset = item.angle("node_azimuth_offset");
-  ring.petal_count = item.at("petal_count").whole(0, kMaxPetals);
-  ring.petal_rounding = item.at("petal_rounding").number();
-  ring.petal_base_x = item.at("petal_base_x").number();
-  ring.petal_base_radius = item.at("petal_base_radius").number();
-  ring.petal_base_half_angle = item.angle("petal_base_half_angle");
-  ring.petal_tip_x = item.at("petal_tip_x").number();
-  ring.petal_tip_distance = item.at("petal_tip_distance").number();
-  ring.petal_tip_half_width = item.at("petal_tip_half_width").number();
+  ring.core_x = number("core_x");
+  ring.core_inner_radius = number("core_inner_radius");
+  ring.core_outer_radius = number("core_outer_radius");
+  ring.ring_rounding = number("ring_rounding");
+  ring.node_count = count("node_count", kMaxNodes);
+  ring.node_radius = number("node_radius");
+  ring.node_azimuth_offset = angle("node_azimuth_offset");
+  ring.petal_count = count("petal_count", kMaxPetals);
+  ring.petal_rounding = number("petal_rounding");
+  ring.petal_base_x = number("petal_base_x");
+  ring.petal_base_radius = number("petal_base_radius");
+  ring.petal_base_half_angle = angle("petal_base_half_angle");
+  ring.petal_tip_x = number("petal_tip_x");
+  ring.petal_tip_distance = number("petal_tip_distance");
+  ring.petal_tip_half_width = number("petal_tip_half_width");
   return ring;
 }
 
@@ -113,9 +122,9 @@ void read_contact(const JsonReader& mechanism, const JsonReader* overrides, Scen
     scene.contact = read_surfaces(item, law, scene.mechanism);
     return;
   }
-  // The same hardware on both sides.
-  const GuideRing ring = read_guide_ring(item);
-  scene.contact = make_ring_contact(ring, ring, law);
+  const JsonReader passive = item.has("passive") ? item.at("passive") : item;
+  scene.contact =
+      make_ring_contact(read_guide_ring(item, item), read_guide_ring(item, passive), law);
 }
 
 void read_initial(const JsonReader& item, Scene& scene) {

@@ -94,7 +94,15 @@ def find_quaternion(rotation: np.ndarray) -> np.ndarray:
 
 
 def _make_rings(contact: dict) -> dict:
-    """Return both guide rings; as ``make_capture_hardware`` in src/contact/guide_ring.cpp."""
+    """Return both guide rings; ``passive`` also has the ``pose`` in which it is placed."""
+    passive = {**contact, **contact.get("passive", {})}
+    axis = np.array(_at_azimuth(0.0, 1.0, math.pi / (2 * max(passive["petal_count"], 1))))
+    pose = {"p": [0.0, 0.0, 0.0], "q": [0.0, *axis.tolist()]}  # a turn by pi
+    return {**_make_ring(contact), "passive": {**_make_ring(passive), "pose": pose}}
+
+
+def _make_ring(contact: dict) -> dict:
+    """Return an active guide ring; as ``make_capture_hardware`` in src/contact/guide_ring.cpp."""
     count, petals = contact["petal_count"], []
     base, half = contact["petal_base_radius"], contact["petal_base_half_angle"]
     tip = (contact["petal_tip_x"], contact["petal_tip_distance"], contact["petal_tip_half_width"])
@@ -109,7 +117,6 @@ def _make_rings(contact: dict) -> dict:
             ]
         )
     nodes = [[contact["core_x"], contact[f"core_{side}_radius"]] for side in ("inner", "outer")]
-    axis = np.array(_at_azimuth(0.0, 1.0, math.pi / (2 * max(count, 1))))
     return {
         "body": {
             "kind": "revolution",
@@ -119,7 +126,6 @@ def _make_rings(contact: dict) -> dict:
         },
         "petal_rounding": contact["petal_rounding"],
         "petals": petals,
-        "passive": {"p": [0.0, 0.0, 0.0], "q": [0.0, *axis.tolist()]},  # a turn by pi
     }
 
 

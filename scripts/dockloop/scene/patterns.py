@@ -163,12 +163,14 @@ def _find_entries(mechanism: dict, path: tuple[str, ...]) -> list[dict]:
     node: Any = mechanism
     for name in path:
         node = node.get(name, {})
-    return node or []
+    return node if isinstance(node, list) else []
 
 
 def _copy(entry: dict, turn: _Turn, number: str) -> dict:
     """Return a part at another place, with another number."""
     copy = _rename(entry, number)
+    if "body" in copy:  # a core in axes of its body, which stands at the other place
+        return copy
     _change(copy, _POINTS, _each(turn.place))
     _change(copy, _DIRECTIONS, turn.turn)
     _change(copy, _AXES, lambda axis: turn.turn_axis(axis) if isinstance(axis, list) else axis)

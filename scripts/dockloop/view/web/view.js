@@ -211,8 +211,7 @@
         parent.add(mesh);
       }
     }
-    function addRing(parent, color) {
-      const r = geometry.ring;
+    function addRing(parent, r, color) {
       addRevolution(parent, r.body.profiles, solid(color));
       return r.petals.map((petal) => addPetal(parent, petal.map(vector), r.petal_rounding, color));
     }
@@ -284,14 +283,14 @@
     let petals = [];
     if (hasRing) {
       addFrame(ring, geometry.capture_body === 'base' ? '' : 'G', 0.22 * extent, [-0.08 * extent, 0, 0.1 * extent]);
-      if (geometry.ring) petals = addRing(ring, COLORS.active);
+      if (geometry.ring) petals = addRing(ring, geometry.ring, COLORS.active);
       if (geometry.cores) addCores(ring, geometry.cores.active.filter((core) => !core.body), COLORS.active);
     } else ring.visible = false;
     if (hasTarget) {
       addFrame(target, 'P', 0.3 * extent, [0.11 * extent, 0, -0.1 * extent]);
       addVehicle(target, 'target');
       addCores(target, geometry.interface.faces || [], COLORS.passive);
-      if (geometry.ring) addRing(group(target, geometry.ring.passive), COLORS.passive);
+      if (geometry.ring) addRing(group(target, geometry.ring.passive.pose), geometry.ring.passive, COLORS.passive);
       if (geometry.cores) addCores(target, geometry.cores.passive, COLORS.passive);
     } else target.visible = false;
     if (!geometry.ring && !geometry.cores) { // interfaces or bodies without a surface that could be drawn
