@@ -60,7 +60,7 @@ void StepLoop::start() {
   if (!method_.runs_ahead) return;
   ahead_.jacobian = kept_;
   ahead_.y_before = y_accepted_;
-  reserve(ahead_.context.memory, model_->contact);
+  reserve(ahead_.context.memory, state_.memory, model_->contact);
   keep_context();
   ahead_.pose_before = accepted_pose_ = ahead_.context.reference;
 }
