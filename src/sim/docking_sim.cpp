@@ -75,8 +75,8 @@ void DockingSim::load(const SavedSim& from) { impl_->load(from); }
 /// @post restore(into) restores this state. Allocates only if `into` was never used.
 /// @param with_pose  if false, `into` holds the accepted configuration of the loops already
 void DockingSim::Impl::keep(Snapshot& into, bool with_pose) const {
-  reserve(into.state.memory, model->contact);
-  reserve(into.state.ahead.context.memory, model->contact);
+  reserve(into.state.memory, memory, model->contact);
+  reserve(into.state.ahead.context.memory, ahead.context.memory, model->contact);
   into.state = *this;
   into.y.assign(step_loop->accepted_y(), step_loop->accepted_y() + model->layout.size);
   if (with_pose) into.reference = present().mechanism.loops.reference;

@@ -645,7 +645,7 @@ HostFinding explain_by_mode(double h, bool fits, const ReportSums& sums) {
   for (const ResponseSums* r : {&f, &t}) {
     if (find_felt(*r) < kLeastFelt && may_be_late(*r, h)) return {};
   }
-  const Mode mode = find_mode(sums.mode, h);
+  const HostMode mode = find_mode(sums.mode, h);
   const bool is_seen = mode.rate * loaded * h > kLeastPeriods && (mode.bends || !fits);
   return is_seen ? HostFinding{kFlexiblePart, mode.frequency} : HostFinding();
 }

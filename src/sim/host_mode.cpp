@@ -22,7 +22,7 @@ enum Regressor { kChange, kDisplacement, kVelocity };
 
 /// The frequency of an oscillator that begins and ends a step as A says.
 /// @param A  displacement and velocity from those before
-Mode find_swing(const Eigen::Matrix2d& A, double h) {
+HostMode find_swing(const Eigen::Matrix2d& A, double h) {
   const double half = 0.5 * A.trace(), size2 = A.determinant();
   const double rest2 = half * half - size2;
   const bool returns = rest2 < 0.0 || half + std::sqrt(rest2) < 1.0 - kReturns;
@@ -55,7 +55,7 @@ void add_to_mode(const ModeStep& step, double keep, ModeSums& sums) {
   sums.velocity += step.error;
 }
 
-Mode find_mode(const ModeSums& sums, double h) {
+HostMode find_mode(const ModeSums& sums, double h) {
   const auto block = [&](int a, int b) { return sums.products.block<6, 6>(6 * a, 6 * b); };
   const Mat6<double> changes = block(0, 0) + block(1, 1);
   const Vec6<double> u = find_principal_axes(changes).axis.col(5);
@@ -90,7 +90,7 @@ Mode find_mode(const ModeSums& sums, double h) {
   Eigen::Matrix2d A;
   A << 1.0 + h * constant[1][kDisplacement], h * (1.0 + constant[1][kVelocity]),
       constant[0][kDisplacement], 1.0 + constant[0][kVelocity];
-  Mode mode = find_swing(A, h);
+  HostMode mode = find_swing(A, h);
   mode.bends = along(1, 1) - along(0, 1) + 0.25 * along(0, 0) > kBends * all;
   return mode;
 }

@@ -33,7 +33,7 @@ struct ModeSums {
 /// @param keep  factor of older sums
 void add_to_mode(const ModeStep& step, double keep, ModeSums& sums);
 
-struct Mode {
+struct HostMode {
   double frequency =
       0.0;  ///< on the free vehicle [Hz]; 0: no mode, or a rigid body explains as much
   bool bends =
@@ -42,6 +42,6 @@ struct Mode {
 };
 /// The mode that explains the reports. Of a step of whole periods, these are one. @param h  step
 /// [s]
-Mode find_mode(const ModeSums& sums, double h);
+HostMode find_mode(const ModeSums& sums, double h);
 
 }  // namespace dockloop

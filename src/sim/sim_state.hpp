@@ -54,9 +54,9 @@ struct KeptJacobian {
 };
 
 /// The number of near pairs of surfaces differs from state to state: later copies allocate nothing.
-inline void reserve(ContactMemory& memory, const ContactModel& contact) {
-  if (!contact.has_surfaces()) return;
-  memory.lists.resize(contact.bodies.size());
+/// @param from  is copied next; lists that it lacks would be lost
+inline void reserve(ContactMemory& memory, const ContactMemory& from, const ContactModel& contact) {
+  memory.lists.resize(from.lists.size());
   for (size_t body = 0; body < memory.lists.size(); ++body) {
     const size_t count = static_cast<size_t>(contact.bodies[body].count);
     NeighbourList& list = memory.lists[body];

@@ -58,7 +58,7 @@ void StepLoop::start() {
   ahead_.loads = ahead_.mean_known = loads_.at_start();
   if (!method_.runs_ahead) return;
   ahead_.jacobian = kept_;
-  reserve(ahead_.context.memory, model_->contact);
+  reserve(ahead_.context.memory, state_.memory, model_->contact);
   keep_context();
   accepted_pose_ = ahead_.context.reference;
 }
