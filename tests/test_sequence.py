@@ -432,7 +432,7 @@ MALFORMED = {
     "stiffness .*(greater than|above) 0": {
         "steps": [step("a", do=[{"element": "one", "lock": "on", "stiffness": 0}])]
     },
-    "is no action; an action has one of thrust, latches, run, engagement": {
+    "is no action; an action has one of thrust, latches, grasp, run, engagement": {
         "steps": [step("a", do=[{"element": "one"}])]
     },
     "either element or elements": {"steps": [step("a", do=[{"engagement": 0.5}])]},
