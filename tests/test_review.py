@@ -112,7 +112,7 @@ def test_a_scene_that_states_its_vehicles_has_no_boundary(dockloop, tmp_path):
         (["--from", "none.json"], ["none.json"]),
         (["--tolerance", "0.3"], ["--tolerance", "0.25"]),
         ([*AXES[:3], "x", *AXES[4:]], ["--x", "two numbers"]),
-        ([*AXES, "--criterion", "capturd"], ["--criterion", "capturd"]),
+        ([*AXES, "--criterion", "kaptured"], ["--criterion", "kaptured"]),
         (["--criterion", "load_ratio"], ["--criterion", "load_ratio"]),
         (["--x", "no.such", "1", "2", *AXES[4:]], ["no.such"]),
         ([*AXES, "--set", "chaser.mas=2e4"], ["chaser.mas"]),

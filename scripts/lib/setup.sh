@@ -183,23 +183,6 @@ ensure_python() {
   touch "$stamp-$extra"
 }
 
-# ensure_python_and_compile [site|test]: both at a time, since pip uses one processor. All that the
-# build asks of .venv is the extra `build`.
-ensure_python_and_compile() {
-  local build
-  if ! .venv/bin/python -m nanobind --version >/dev/null 2>&1; then
-    say "Python environment .venv"
-    quietly venv python3 -m venv .venv
-    build=$(.venv/bin/python -c 'import tomllib
-print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["build"])')
-    # shellcheck disable=SC2086  # a list of words
-    quietly pip-build .venv/bin/python -m pip install --disable-pip-version-check --no-input $build
-  fi
-  ensure_python "$@" &
-  compile "$@"
-  wait $!
-}
-
 # compile [test]: the module of the Python package and the library of the FMU, in build/release; with
 # `test` everything. The methods for comparison and the generator of kernels are compiled when a
 # command asks for them (compiled.py).

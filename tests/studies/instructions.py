@@ -1,8 +1,9 @@
 """Where the work of a docking goes: tests/validation/instructions.md.
 
 Runs dockings through their FMUs under callgrind (the Debian package valgrind), which counts the
-processor instructions inside ``fmi2DoStep``, function by function, and those of reading outputs. Unlike times, the counts
-repeat. valgrind knows no vectors wider than four numbers, so wider processors need fewer.
+processor instructions inside ``fmi2DoStep``, function by function, and those of reading outputs.
+Unlike times, the counts repeat. valgrind knows no vectors wider than four numbers, so wider
+processors need fewer.
 
 Examples:
     apt-get install valgrind
@@ -141,8 +142,8 @@ def main() -> None:
         PAGE,
         "Where the work of a docking goes",
         "tests/studies/instructions.py",
-        f"Processor instructions inside `fmi2DoStep` by callgrind, {STOP:g} s at {STEP:g} s. The last"
-        " row is what `fmi2GetReal` adds where a host reads all outputs.",
+        f"Processor instructions inside `fmi2DoStep` by callgrind, {STOP:g} s at {STEP:g} s. The"
+        " last row is what `fmi2GetReal` adds where a host reads all outputs.",
         write_table(heads, rows),
         "All else: stages and error control of the solver, events, audits, peaks, the list of"
         " contact pairs that are close, and what each communication point costs.",

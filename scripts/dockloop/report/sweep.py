@@ -135,7 +135,7 @@ def summarise_sweep(sweep: Sweep, planner: Planner, table: Any, ran: dict) -> di
     summary["time"] = {name: ran[name] for name in _CLOCK}
     if ran["ran"]:
         summary["time"]["cases_per_second"] = rate = ran["ran"] / wall
-        summary["time"]["cases_per_second_and_core"] = rate / ran["workers"]  # a worker has one
+        summary["time"]["cases_per_second_and_core"] = rate / ran["cores"]
     return summary
 
 

@@ -15,6 +15,7 @@ from typing import Any, Unpack
 import numpy as np
 
 from dockloop.base.progress import ProgressBar
+from dockloop.base.system import count_processors
 from dockloop.result.criteria import Criterion
 from dockloop.runs.outcome import Result
 from dockloop.sweeps.campaign import Campaign, How
@@ -40,7 +41,8 @@ def run_sweep(
         ``planner``, ``sweep`` (with each case as it ran last), ``results`` (one per case, in
         order, from the journal), ``first`` (the same of the first pass; None where a case did not
         run again), ``ran`` (cases done now), ``repeats`` (those of them that took the result of
-        an equal case), ``built`` (FMUs), ``wall`` [s], ``engine`` and ``workers``.
+        an equal case), ``built`` (FMUs), ``wall`` [s], ``engine``, ``workers``, and the
+        ``cores`` that they have.
 
     Raises:
         UsageError: the sweep, a name in it or the journal is bad.
@@ -72,6 +74,7 @@ def run_sweep(
             campaign.run(last, rows, report=make_report(progress), find_key=find_key)
             journal.finish()
     engine = choose_engine(how)
+    most_cores = campaign.workers if how.get("scheduler") else count_processors()
     return {
         "planner": planner,
         "sweep": replace(sweep, cases=last),
@@ -79,6 +82,7 @@ def run_sweep(
         "first": Results(journal.known, cases, again),
         "built": campaign.begun if engine == "fmu" else 0,
         "engine": engine,
+        "cores": max(min(campaign.workers, most_cores), 1),
         **{name: getattr(campaign, name) for name in ("ran", "repeats", "wall", "workers")},
     }
 
