@@ -177,6 +177,17 @@ def test_mean_loads_are_the_changes_of_momentum_that_a_host_reads(runs, accuracy
         assert largest > 100.0
 
 
+def test_inputs_that_are_set_back_leave_no_trace_in_outputs(runs):
+    with started(Host(runs.fmu(DEFAULT, NEAR, "accuracy=1e-3"))) as host:
+        for _ in range(60):  # most points lie inside an inner step
+            host.step(0.01)
+            before = host.everything()
+            host.put("chaser.force_ext", (500.0, 0.0, 0.0))
+            assert host.everything() != before
+            host.put("chaser.force_ext", (0.0, 0.0, 0.0))
+            assert host.everything() == before
+
+
 def test_slopes_that_cannot_be_used_are_refused_and_nothing_changes(runs):
     fmu = runs.fmu(DEFAULT, AWAY)
     with started(Host(fmu)) as host, started(Host(fmu)) as alone:

@@ -92,7 +92,7 @@ namespace {
 
 /// Renew the neighbour list of a body, or its part of near pairs, if that pays.
 void update_list(const ContactModel& model, int body, const RelativeMotion<double>& motion,
-                 ContactWorkspace<double>& work, NeighbourList& list, int& origins) {
+                 ContactWorkspace<double>& work, NeighbourList& list, unsigned& origins) {
   const ActiveBody& of = model.bodies[body];
   list.gap.reserve(of.count);  // all allocation happens in the first call
   list.near.reserve(of.count);

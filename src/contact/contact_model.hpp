@@ -209,7 +209,7 @@ struct NeighbourList {
 /// normals detect a trial state on the far side of a surface.
 struct ContactMemory {
   std::vector<NeighbourList> lists;  ///< per body; empty before the first accepted step
-  int origins = 0;                   ///< list origins of all pairs that were made
+  unsigned origins = 0;              ///< list origins of all pairs that were made
   std::vector<char> closed;          ///< per pair, 1 if in contact at the last accepted step
   std::vector<Vec3<double>> n_last;  ///< unit normal of every closed pair, axes of G
   Acting absorber = Acting::kByState;

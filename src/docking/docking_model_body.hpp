@@ -585,6 +585,7 @@ void calc_joined_loads(const DockingModel& model, const DiscreteState& discrete,
   data.on_passive = data.by_capture = Wrench<S>();
   for (Wrench<S>& load : data.contact_work.on_passive) load = Wrench<S>();
   data.contact.contact_power = data.contact.friction_power = S(0);
+  data.contact.surface_force.fill(Vec3<S>::Zero());
   data.joints = JointForceSums<S>();
   data.elements.sums = {};
   if (model.latches.count() > 0) {

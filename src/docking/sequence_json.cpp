@@ -155,6 +155,9 @@ std::string describe_count(const QuantityName& entry, const Context& context) {
   const int count = find_count(entry, context);
   const std::string number = std::to_string(count);
   if (entry.count > 0) return "its index is 1 to " + number;
+  if (entry.count == kPerSurface && count == 0) {
+    return "only surfaces of contact.type 'surfaces' have numbers";
+  }
   const auto& [one, many] = kCounted[-entry.count - 1];
   if (entry.count != kPerLeg && !context.latches) {
     return "at most " + number + " " + many + " are possible";

@@ -17,6 +17,8 @@ constexpr double kBends = 0.1;     ///< of the squares: a part that leaves a rig
 constexpr double kPivot = 1e-14;   ///< of products, for regressors that are nearly the same
 constexpr double kReturns = 0.02;  ///< in a step: decay of a part that is not seen to swing
 constexpr double kShown = 0.5;     ///< of the constant of a mode that steps do not fold
+constexpr double kLeastRatio =
+    1e-6;  ///< in steps, of a displacement per velocity: less is rounding
 
 enum Regressor { kChange, kDisplacement, kVelocity };
 
@@ -32,14 +34,15 @@ HostMode find_swing(const Eigen::Matrix2d& A, double h) {
   const double angle = std::acos(std::clamp(half / size, -1.0, 1.0));
   const double decay = -std::log(size) / (kTurn * h), folded = angle / kTurn;  // in Hz, in periods
   // Steps fold a swing to less than half a period, but not the ratio of the other constants.
-  const double own2 = -A(1, 0) / A(0, 1) / (kTurn * kTurn) - decay * decay;
+  const bool has_ratio = std::abs(A(0, 1)) > kLeastRatio * h;
+  const double own2 = has_ratio ? -A(1, 0) / A(0, 1) / (kTurn * kTurn) - decay * decay : 0.0;
   const double periods = own2 > 0.0 ? h * std::sqrt(own2) : 0.0;
   const double above = std::round(periods - folded) + folded;
   const double below = std::round(periods + folded) - folded;
   double nearest = std::abs(above - periods) < std::abs(below - periods) ? above : below;
   // At a whole period the ratio is lost. Without a period, the velocity would show as displacement.
   const double shown = h * size * (angle > 0.0 ? std::sin(angle) / angle : 1.0);
-  if (nearest == folded && !(A(0, 1) > kShown * shown)) nearest = 1.0;
+  if (folded < 0.25 && nearest == folded && !(A(0, 1) > kShown * shown)) nearest = 1.0;
   return {find_length(nearest / h, decay), false, find_length(folded / h, decay)};
 }
 

@@ -37,11 +37,11 @@ struct HostMode {
   double frequency =
       0.0;  ///< on the free vehicle [Hz]; 0: no mode, or a rigid body explains as much
   bool bends =
-      false;          ///< steps are no steps of a rigid body, whatever its mass: S / h is not s / 2
+      false;  ///< displacement and velocity change in no step as those of a rigid body of any mass
   double rate = 0.0;  ///< at which it shows: of its swing and its decay, as steps fold it [Hz]
 };
-/// The mode that explains the reports. Of a step of whole periods, these are one. @param h  step
-/// [s]
+/// The mode that explains the reports. Where steps of whole periods hide how many these are, one
+/// period per step. @param h  step [s]
 HostMode find_mode(const ModeSums& sums, double h);
 
 }  // namespace dockloop

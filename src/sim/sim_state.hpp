@@ -54,7 +54,7 @@ struct KeptJacobian {
 };
 
 /// The number of near pairs of surfaces differs from state to state: later copies allocate nothing.
-/// @param from  is copied next; lists that it lacks would be lost
+/// @param from  is copied next. An assignment drops the reserved lists that it lacks
 inline void reserve(ContactMemory& memory, const ContactMemory& from, const ContactModel& contact) {
   memory.lists.resize(from.lists.size());
   for (size_t body = 0; body < memory.lists.size(); ++body) {

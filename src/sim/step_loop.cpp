@@ -247,7 +247,7 @@ Status StepLoop::drift_freely(double& tau, double end, std::int64_t& turns) {
   tau = duration < end - tau ? tau + duration : end;
   events_.clear_due();
   bool changed = false;
-  const int origins = state_.memory.origins;
+  const unsigned origins = state_.memory.origins;
   Status status = quiescent_mode_.evaluate(tau, y());
   if (status.ok()) status = accept_(tau, changed);
   if (!status.ok()) return status;

@@ -295,11 +295,11 @@ Status DockingSim::Impl::evaluate_point(bool may_lock) {
   if (!ahead.pending) return evaluate(0.0, may_lock);
   const Status status = balance_point();
   if (!status.ok()) return status;
-  const bool is_there =
-      evaluator->is_trial_kept() && !loads.are_sloped() && are_same(loads.at_start(), ahead.loads);
-  if (is_there) return {};
+  // With other inputs nothing is kept: they may be set back before the next reading.
+  const bool is_of_step = !loads.are_sloped() && are_same(loads.at_start(), ahead.loads);
+  if (is_of_step && evaluator->is_trial_kept()) return {};
   const Status found = evaluator->aside(ahead.reached, step_loop->point_y(), nullptr);
-  if (found.ok()) evaluator->keep_trial();
+  if (is_of_step && found.ok()) evaluator->keep_trial();
   return found;
 }
 
