@@ -161,7 +161,7 @@ def test_the_mean_load_leaves_out_the_whole_ramp(runs):
 
 @pytest.mark.parametrize("accuracy", [0.0, 1e-3])  # 1e-3: points inside linearly implicit steps
 def test_mean_loads_are_the_changes_of_momentum_that_a_host_reads(runs, accuracy):
-    fmu = runs.fmu(DEFAULT, NEAR, f"accuracy={accuracy}")
+    fmu = runs.fmu(DEFAULT, NEAR, f"solver.accuracy={accuracy}")
     with started(Host(fmu)) as host, started(Host(fmu)) as seldom:
         mass, largest = host.value("target.mass"), 0.0
         for point in range(150):
@@ -178,7 +178,7 @@ def test_mean_loads_are_the_changes_of_momentum_that_a_host_reads(runs, accuracy
 
 
 def test_inputs_that_are_set_back_leave_no_trace_in_outputs(runs):
-    with started(Host(runs.fmu(DEFAULT, NEAR, "accuracy=1e-3"))) as host:
+    with started(Host(runs.fmu(DEFAULT, NEAR, "solver.accuracy=1e-3"))) as host:
         for _ in range(60):  # most points lie inside an inner step
             host.step(0.01)
             before = host.everything()
