@@ -114,20 +114,26 @@ def test_closure_and_loads_decide_the_capture():
     assert not np.any(outside["captured"])
 
 
-def test_a_lost_ring_is_noticed():
+@pytest.mark.parametrize(("moment", "step"), [(8.0, "retract"), (24.0, "extend")])
+def test_a_lost_ring_is_noticed(moment, step):
     """The brake of a finger fails, and its drive has no torque any more."""
     docking = dl.Docking("gripper")
-    docking.set("failure[1].active", True)
-    docking.set("failure[1].time", 8.0)
-    docking.set("failure[2].active", True)
-    docking.set("failure[2].time", 8.0)
-    while docking.time < 7.9:
+    docking.set("command", "undock")
+    for i in (1, 2):
+        docking.set(f"failure[{i}].active", True)
+        docking.set(f"failure[{i}].time", moment)
+
+    def find_step() -> str:
+        return STEPS[int(docking.get("sequence.step")) - 1]
+
+    while docking.time < moment - 0.1:
         docking.step(0.1)
     assert docking.get("captured")
-    while docking.time < 14.0:
+    assert find_step() == step
+    while docking.time < moment + 6.0:
         docking.step(0.1)
     assert not docking.get("captured")
-    assert STEPS[int(docking.get("sequence.step")) - 1] == "lost"
+    assert find_step() == "lost"
     assert docking.get("outcome") == 4  # rebound
 
 
