@@ -64,7 +64,7 @@ def test_every_number_has_a_unit_or_none():
 
 def test_typed_text_stays():
     page = "typed <!-- made: a -->\nold<!-- end --> and <!-- made: b -->\nkept<!-- end -->"
-    filled = pages.fill(page, {"a": ["new"]})
+    filled = pages.fill(page, {"a": lambda: ["new"]})
     assert "typed" in filled
     assert "new" in filled
     assert "old" not in filled

@@ -29,6 +29,7 @@ from dockloop.view import browser as chromium
 from dockloop.view import geometry
 from dockloop.view.browser import Browser
 from dockloop.view.page import find_events, write_page
+from dockloop.view.pictures import write_stills
 
 DEFAULT = "idss_25t_350t"
 MM = 1e-3
@@ -620,6 +621,23 @@ def test_stills_and_film(dockloop, result, tmp_path):
     for _ in range(2):  # it replaces its own
         dockloop.succeed(*film, "-o", "own.mp4")
     assert (tmp_path / "own.mp4").read_bytes()[4:8] == b"ftyp"
+
+
+@pytest.mark.long
+@needs_browser
+def test_a_core_may_name_the_capture_body(dockloop, tmp_path):
+    """The axes of G are those of the palm: pads that name it stand where they stood."""
+    assert dockloop("new", "own", "--from", "gripper").status == 0
+    pictures = []
+    for change in ({}, {"body": "palm"}):
+        mechanism = json.loads((tmp_path / "own.json").read_text())
+        mechanism["contact"]["active"][0] |= change
+        (tmp_path / "own.json").write_text(json.dumps(mechanism))
+        run = dl.run(tmp_path / "own.toml", stop=0.1, step=0.05)
+        run.view(tmp_path / "own.html")
+        write_stills(tmp_path / "own.html", {tmp_path / "own.png": 0.0}, "ring", (640, 400))
+        pictures.append((tmp_path / "own.png").read_bytes())
+    assert pictures[0] == pictures[1]
 
 
 @pytest.mark.long

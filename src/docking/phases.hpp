@@ -24,11 +24,12 @@ enum Phase {
 };
 inline const ChoiceList kPhases = {
     {kApproach, "approach", "before the first contact"},
-    {kContact, "contact", "after first contact, not all latches hold"},
-    {kCaptured, "captured", "all latches hold or a grasp holds, the distance still decreases"},
-    {kAttenuating, "attenuating", "all latches hold, the motion has reversed at least once"},
+    {kContact, "contact", "after first contact, not captured"},
+    {kCaptured, "captured",
+     "all latches hold, or the sequence states a grasp; the distance still decreases"},
+    {kAttenuating, "attenuating", "captured, the motion has reversed at least once"},
     {kAligned, "aligned",
-     "all latches hold, at rest: below 1 mm/s for rings of 1.2 m, see phases.aligned_speed, and "
+     "captured, at rest: below 1 mm/s for rings of 1.2 m, see phases.aligned_speed, and "
      "0.02 deg/s"},
     {kRetracting, "retracting", "a drive pulls the vehicles together; only in a sequence"},
     {kHardDocked, "hard_docked", "the vehicles are joined; only in a sequence"},
@@ -59,7 +60,7 @@ inline const ChoiceList kOutcomes = {
     {kMiss, "miss", "separation or passing without contact"},
     {kDocked, "docked", "the vehicles are joined; stated by a sequence, as all that follow"},
     {kUndocked, "undocked", "separation after undocking"},
-    {kHangUp, "hang-up", "at rest in contact, not all latches hold"},
+    {kHangUp, "hang-up", "at rest in contact, not captured"},
     {kRetractionStalled, "retraction stalled", "the drive is at its limit and does not move"},
     {kTimedOut, "timed out", "a step took longer than its time-out"},
 };

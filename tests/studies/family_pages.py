@@ -16,7 +16,7 @@ import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -398,10 +398,7 @@ def list_boundary(name: str) -> Table:
                     "initial.lateral_offset": offset,
                     "initial.lateral_direction_deg": direction,
                 }
-                try:
-                    captured = dl.run(name, keys, stop=10.0, step=0.25)["captured"][-1]
-                except dl.DockloopError:  # a ring that starts in a finger
-                    captured = False
+                captured = dl.run(name, keys, stop=10.0, step=0.25)["captured"][-1]
                 low, high = (offset, high) if captured else (low, offset)
             largest.append(f"{1e3 * low:.0f} mm")
         table.add(f"{1e3 * speed:.0f} mm/s", *largest)
@@ -476,23 +473,28 @@ def draw_mechanism_of(name: str) -> str:
     return draw_mechanism(document, report["home_q"], report["independent"]) + "\n"
 
 
-def fill(text: str, blocks: dict[str, Block]) -> str:
-    """Return a page with these blocks written anew; others stay."""
+def fill(text: str, makers: dict[str, Callable[[], Block]]) -> str:
+    """Return a page with these blocks made anew where it has them; others stay."""
 
     def put(found: re.Match) -> str:
-        made = "\n\n".join(list_blocks(blocks.get(found[2], ())))
-        return f"{found[1]}\n{made}\n\n{found[3]}" if made else found[0]
+        if found[2] not in makers:
+            return found[0]
+        made = "\n\n".join(list_blocks(makers[found[2]]()))
+        return f"{found[1]}\n{made}\n\n{found[3]}"
 
     return BLOCK.sub(put, text)
 
 
 def make_page(name: str, run: dl.Result | None = None) -> str:
     """Return the page of a family, with the loads of a docking if there is one."""
-    blocks: dict[str, Block] = {"numbers": list_numbers(name), "variables": list_variables(name)}
+    makers: dict[str, Callable[[], Block]] = {
+        "numbers": lambda: list_numbers(name),
+        "variables": lambda: list_variables(name),
+    }
     if run is not None:
-        blocks["loads"] = list_loads(name, run)
-        blocks["boundary"] = list_boundary(name)
-    return fill(find_page(name).read_text(encoding="utf-8"), blocks)
+        makers["loads"] = lambda: list_loads(name, run)
+        makers["boundary"] = lambda: list_boundary(name)
+    return fill(find_page(name).read_text(encoding="utf-8"), makers)
 
 
 def write_still(name: str) -> None:

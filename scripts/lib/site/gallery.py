@@ -16,7 +16,7 @@ HEAD = """# Gallery
 
 Every shipped scene, at first contact. A picture leads to the view of its docking: one page with the
 motion in three dimensions, which needs no other file.
-[Three families](modelDescription/FAMILIES.md) explains the mechanisms,
+[Families of docking mechanisms](modelDescription/FAMILIES.md) explains the mechanisms,
 [See the motion](scripts/README.md#see-the-motion) what a view shows.
 
 """

@@ -277,6 +277,8 @@
     mount.position.copy(vector(geometry.base.p));
     mount.quaternion.copy(quaternion(geometry.base.q));
     const captureBody = group(world);
+    /** Draw the active cores of a body; those without one are in axes of G. */
+    const addActive = (parent, body) => addCores(parent, (geometry.cores?.active || []).filter((core) => core.body === body), COLORS.active);
     addFrame(base, 'A', 0.3 * extent, [-0.08 * extent, 0, -0.1 * extent]);
     if ('chaser' in geometry.vehicles) addVehicle(base, 'chaser');
     for (const part of Object.values(geometry.interface)) addCores(base, part, COLORS.rod);
@@ -284,7 +286,8 @@
     if (hasRing) {
       addFrame(ring, geometry.capture_body === 'base' ? '' : 'G', 0.22 * extent, [-0.08 * extent, 0, 0.1 * extent]);
       if (geometry.ring) petals = addRing(ring, geometry.ring, COLORS.active);
-      if (geometry.cores) addCores(ring, geometry.cores.active.filter((core) => !core.body), COLORS.active);
+      addActive(ring);
+      addActive(captureBody, geometry.capture_body);
     } else ring.visible = false;
     if (hasTarget) {
       addFrame(target, 'P', 0.3 * extent, [0.11 * extent, 0, -0.1 * extent]);
@@ -324,7 +327,7 @@
       if (!has(`pose.body.${body.name}`)) continue;
       const made = group(world), line = rod(world, 0.015 * extent, solid(COLORS.soft));
       addFrame(made, body.name, 0.15 * extent);
-      if (geometry.cores) addCores(made, geometry.cores.active.filter((core) => core.body === body.name), COLORS.active);
+      addActive(made, body.name);
       bodies[body.name] = { made, line, parent: body.parent };
     }
     const holderOf = (name) => (name === 'base' ? mount : name === geometry.capture_body ? captureBody : bodies[name]?.made);
