@@ -16,7 +16,7 @@ INCLUDE_ROOTS = [ROOT / "src", ROOT / "fmu"]  # as CMakeLists.txt has them
 # What a room may include as well as itself: the arrows of src/README.md.
 MAY_SEE = {
     "math": set(),
-    "integrate": set(),
+    "integrate": {"math"},
     "model": {"math"},
     "contact": {"math"},
     "tree": {"math", "model"},

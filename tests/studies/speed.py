@@ -1,4 +1,4 @@
-"""What a wanted error costs, and what a user gets who sets nothing: tests/validation/speed.md.
+"""What a wanted error costs, and what default settings give: tests/validation/speed.md.
 
 Every docking runs through its FMU: with default settings, with a method and tolerance chosen by
 hand for the wanted error, and with `accuracy` at that error. Settings by hand show what the methods
@@ -195,7 +195,7 @@ def list_families(*, quick: bool) -> tuple[Table, str]:
         errors.append(found[0])
         ratios.append(counts[0] / counts[-1])
     says = (
-        f"Who sets nothing gets errors of at most {max(errors):.0e} here, for {min(ratios):.1f} to"
+        f"Default settings have errors of at most {max(errors):.0e} here, for {min(ratios):.1f} to"
         f" {max(ratios):.1f} times the evaluations of `accuracy` {DIALS[-1]:g}. So the default"
         " stays as it is: a docking takes a fraction of a second, and its figures need no thought"
         " about errors. `accuracy` is for many dockings."
@@ -224,7 +224,7 @@ def main() -> None:
         f"A sweep of {cases} dockings with the conditions of the standard (25 s each). Processor"
         " time includes the start of the program, and the table.",
         compare_sweeps(cases),
-        "## What a user gets who sets nothing",
+        "## What default settings give",
         "Evaluations and error, 20 s at 10 ms:",
         *list_families(quick=options.quick),
     )
