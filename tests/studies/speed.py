@@ -216,9 +216,9 @@ def main() -> None:
         "Speed that accuracy buys",
         "tests/studies/speed.py",
         "Default: nothing is set. By hand: default settings, or the method auto or rosenbrock with"
-        " the loosest relative tolerance (two in a decade) that has the wanted error. `accuracy`: only the wanted error"
-        " is given. It is made to keep it in 95 % of all dockings, so that most dockings have a"
-        " smaller error.",
+        " the loosest relative tolerance (two in a decade) that has the wanted error. `accuracy`:"
+        " only the wanted error is given. It is made to keep it in 95 % of all dockings, so that"
+        " most dockings have a smaller error.",
         "The error is the largest relative one of peak loads, stroke, time of capture and final"
         f" motion; the reference solution is that of the explicit method at {TIGHT:g}. Times are"
         f" the least of {TURNS} by turns.",
