@@ -94,9 +94,7 @@ namespace {
 void update_list(const ContactModel& model, int body, const RelativeMotion<double>& motion,
                  ContactWorkspace<double>& work, NeighbourList& list, unsigned& origins) {
   const ActiveBody& of = model.bodies[body];
-  list.gap.reserve(of.count);  // all allocation happens in the first call
-  list.near.reserve(of.count);
-  list.near_gap.reserve(of.count);
+  list.reserve(of.count);  // all allocation happens in the first call
   if (of.count == 0 || find_sphere_gap(of, motion) > 0) return;
   list.searched += work.searched[body];
   forget_plates(work);

@@ -203,6 +203,14 @@ struct NeighbourList {
   std::vector<int> near;         ///< pair indices, ascending
   std::vector<double> near_gap;  ///< of these pairs, lower bound at `close` [m]
   int searched = 0;              ///< open pairs searched at accepted steps since `close`
+
+  /// Room for all pairs of a body: later changes and copies allocate nothing.
+  void reserve(int pairs) {
+    const auto count = static_cast<size_t>(pairs);
+    gap.reserve(count);
+    near.reserve(count);
+    near_gap.reserve(count);
+  }
 };
 
 /// Data of the last accepted step. Plain data, may be copied and stored. The closed pairs and their

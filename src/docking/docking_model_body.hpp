@@ -264,12 +264,14 @@ namespace {
 /// Contact between P and another body than that of G, about the origin of the body, axes of O.
 template <class S>
 Wrench<S> find_load_of_body(size_t body, const DockingData<S>& data) {
-  const Mat3<S>& R = data.contact_bodies[body].R;
-  const Wrench<S>& load = data.contact_work.on_passive[body];
-  Wrench<S> turned;
-  turned.f = R * load.f;
-  turned.t = R * load.t;
-  return turned;
+  return data.contact_bodies[body].R * data.contact_work.on_passive[body];
+}
+
+/// Nothing acts between P and bodies of the chaser.
+template <class S>
+void clear_capture_loads(DockingData<S>& data) {
+  data.on_passive = data.by_capture = Wrench<S>();
+  for (Wrench<S>& load : data.contact_work.on_passive) load = Wrench<S>();
 }
 
 /// Contact and latches, and their load on the capture body.
@@ -277,11 +279,10 @@ template <class S>
 Status calc_capture_forces(const DockingModel& model, const DiscreteState& discrete,
                            const ContactMemory& memory, S t, const S* y, S* ydot,
                            DockingData<S>& data) {
-  data.on_passive = data.by_capture = Wrench<S>();
+  clear_capture_loads(data);
   if (!model.present[kTarget]) return {};
   if (!data.touches) {
     data.contact = ContactResult<S>();
-    for (Wrench<S>& load : data.contact_work.on_passive) load = Wrench<S>();
     data.latch.power = S(0);
     if (ydot) std::fill_n(ydot + model.layout.bristles, model.layout.bristle_count, S(0));
     return {};
@@ -300,9 +301,7 @@ Status calc_capture_forces(const DockingModel& model, const DiscreteState& discr
     calc_latches(model.latches, discrete.latch.data(), t, data.relative, data.latch);
     data.on_passive += data.latch.on_passive;
   }
-  data.on_passive.f = data.capture.R * data.on_passive.f;
-  data.on_passive.t = data.capture.R * data.on_passive.t;
-  data.by_capture = data.on_passive;
+  data.on_passive = data.by_capture = data.capture.R * data.on_passive;
   for (size_t i = 0; i < data.contact_bodies.size(); ++i) {
     const Wrench<S> load = find_load_of_body(i, data);
     data.on_passive.f += load.f;
@@ -493,8 +492,7 @@ void calc_load_on_target(const DockingModel& model, const DiscreteState& discret
     across += data.forces.on_passive;
   }
   if (!is_joined) {
-    data.on_target.f = A.R * across.f;
-    data.on_target.t = A.R * across.t;
+    data.on_target = A.R * across;
   } else {
     const FrameMotion<S>& target = data.vehicle[kTarget];
     Wrench<S> outside;  // about the chaser's origin, without weight
@@ -582,8 +580,7 @@ void calc_target_loads(const DockingModel& model, const ExternalLoads<S>& loads,
 template <class S>
 void calc_joined_loads(const DockingModel& model, const DiscreteState& discrete,
                        const ExternalLoads<S>& loads, const S& t, DockingData<S>& data) {
-  data.on_passive = data.by_capture = Wrench<S>();
-  for (Wrench<S>& load : data.contact_work.on_passive) load = Wrench<S>();
+  clear_capture_loads(data);
   data.contact.contact_power = data.contact.friction_power = S(0);
   data.contact.surface_force.fill(Vec3<S>::Zero());
   data.joints = JointForceSums<S>();

@@ -74,6 +74,11 @@ template <class S>
 Wrench<S> operator*(const S& factor, const Wrench<S>& a) {
   return {factor * a.f, factor * a.t};
 }
+/// In other axes.
+template <class S>
+Wrench<S> operator*(const Mat3<S>& R, const Wrench<S>& a) {
+  return {R * a.f, R * a.t};
+}
 
 /// Length of (a, b). A plain formula: quantities of a docking neither overflow nor underflow, and
 /// hypot would need a newer C library.

@@ -13,12 +13,11 @@ constexpr double kModeExplains = 0.01;  ///< of the squares of changes: what a m
 constexpr double kModeGain = 0.1;       ///< of what a rigid body leaves
 constexpr double kAllByRigid = 1e-8;    ///< of the squares: a rigid body explains all
 constexpr double kSeen = 1e-3;          ///< of the changes by loads: smaller ones do not count
-constexpr double kBends = 0.1;     ///< of the squares: a part that leaves a rigid body in a step
-constexpr double kPivot = 1e-14;   ///< of products, for regressors that are nearly the same
-constexpr double kReturns = 0.02;  ///< in a step: decay of a part that is not seen to swing
-constexpr double kShown = 0.5;     ///< of the constant of a mode that steps do not fold
-constexpr double kLeastRatio =
-    1e-6;  ///< in steps, of a displacement per velocity: less is rounding
+constexpr double kBends = 0.1;        ///< of the squares: a part that leaves a rigid body in a step
+constexpr double kPivot = 1e-14;      ///< of products, for regressors that are nearly the same
+constexpr double kReturns = 0.02;     ///< in a step: decay of a part that is not seen to swing
+constexpr double kShown = 0.5;        ///< of the constant of a mode that steps do not fold
+constexpr double kLeastRatio = 1e-6;  ///< in steps, displacement per velocity: not rounding
 
 enum Regressor { kChange, kDisplacement, kVelocity };
 

@@ -33,12 +33,11 @@ struct ModeSums {
 /// @param keep  factor of older sums
 void add_to_mode(const ModeStep& step, double keep, ModeSums& sums);
 
+/// A mode of the free vehicle.
 struct HostMode {
-  double frequency =
-      0.0;  ///< on the free vehicle [Hz]; 0: no mode, or a rigid body explains as much
-  bool bends =
-      false;  ///< displacement and velocity change in no step as those of a rigid body of any mass
-  double rate = 0.0;  ///< at which it shows: of its swing and its decay, as steps fold it [Hz]
+  double frequency = 0.0;  ///< [Hz]; 0: no mode, or a rigid body explains as much
+  bool bends = false;      ///< no rigid body, of any mass, would move so within steps
+  double rate = 0.0;       ///< of its swing and decay, as steps fold them [Hz]
 };
 /// The mode that explains the reports. Where steps of whole periods hide how many these are, one
 /// period per step. @param h  step [s]

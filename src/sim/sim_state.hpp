@@ -58,11 +58,7 @@ struct KeptJacobian {
 inline void reserve(ContactMemory& memory, const ContactMemory& from, const ContactModel& contact) {
   memory.lists.resize(from.lists.size());
   for (size_t body = 0; body < memory.lists.size(); ++body) {
-    const size_t count = static_cast<size_t>(contact.bodies[body].count);
-    NeighbourList& list = memory.lists[body];
-    list.gap.reserve(count);
-    list.near.reserve(count);
-    list.near_gap.reserve(count);
+    memory.lists[body].reserve(contact.bodies[body].count);
   }
   const size_t pairs = contact.pairs.size();
   memory.closed.reserve(pairs);
