@@ -1,7 +1,7 @@
-"""What a picture of the live page costs, part by part, and the memory of its server.
+"""What a picture of the live page costs, pictures a second, and the memory of its server.
 
-Processor time, not seconds: other programs may run meanwhile. Written to
-tests/validation/live_page.md. Linux and Chromium are needed.
+Parts are processor time: other programs may run meanwhile. Pictures a second need an idle
+machine. Written to tests/validation/live_page.md. Linux and Chromium are needed.
 
     .venv/bin/python tests/studies/live_page.py                     # some minutes
     .venv/bin/python tests/studies/live_page.py --changes 1000
@@ -35,6 +35,14 @@ NEXT = """(async () => {
   const body = JSON.stringify({ settings, coarse: true });
   const answer = await fetch('run', { method: 'POST', headers, body });
   dockloop.load(await answer.json(), true);
+})()"""
+DRAG = """(async () => {
+  const first = live.pictures.length, began = performance.now();
+  for (let k = 0; performance.now() < began + 5000; k++) {
+    live.change('initial.closing_speed', String(%g * (0.95 + 0.001 * (k %% 100))));
+    await new Promise((resume) => setTimeout(resume, 16));
+  }
+  return live.pictures.slice(first);
 })()"""
 PARTS = ("core", "points", "set-up", "page", "JSON", "curves", "space")
 
@@ -112,6 +120,18 @@ def time_browser(scene: str) -> Counter[str]:
     return Counter({name: 1e3 * part / PICTURES for name, part in parts.items()})
 
 
+def drag_slider(scene: str) -> list[float]:
+    """Return the waits from slider to picture [ms] while it moves for 5 s, 60 times a second."""
+    chromium._OPTIONS = list_own_options()
+    with serve(scene) as server, Online(1280, 800) as window:
+        window.open(server.url)
+        window.settle()
+        speed = float(server.bench.entries["initial.closing_speed"].default)
+        window.run(DRAG % speed)  # warms up: a program that draws slowly is known after it
+        time.sleep(2.0)  # refined meanwhile
+        return window.run(DRAG % speed)
+
+
 def read_memory() -> float:
     """Return what this process holds in memory [MB]."""
     pages = int(Path("/proc/self/statm").read_text().split()[1])
@@ -140,12 +160,15 @@ def main() -> None:
     options = parser.parse_args()
     memory = watch_memory(options.changes)
     table = Table("scene", *PARTS, "in all")
+    drags = Table("scene", "pictures a second", "wait from slider to picture, median, longest [ms]")
     for scene in SCENES:
-        spent = time_server(scene) + time_browser(scene)
+        spent, waits = time_server(scene) + time_browser(scene), drag_slider(scene)
         table.add(f"`{scene}`", *(f"{spent[p]:.1f}" for p in PARTS), f"{spent.total():.0f}")
+        seen = f"{np.median(waits):.0f}, {max(waits):.0f}"
+        drags.add(f"`{scene}`", f"{len(waits) / 5.0:.1f}", seen)
     write_page(
         options.output,
-        "The live page: cost of a picture, and memory",
+        "The live page: cost of a picture, pictures a second, and memory",
         " ".join(["tests/studies/live_page.py", *sys.argv[1:]]),
         "## A picture while a slider moves",
         f"Processor time [ms], mean of {PICTURES} pictures at `accuracy` {COARSE:g}. `core`: steps"
@@ -154,6 +177,9 @@ def main() -> None:
         " other processes too. `space`: drawing in three dimensions by software, which graphics"
         " hardware does otherwise. The server computes the next picture while one is drawn.",
         table,
+        "## Pictures a second while a slider moves",
+        f"The slider moves for 5 s; {os.cpu_count()} cores, which server and Chromium share.",
+        drags,
         "## Memory of the server",
         f"Dockings of `{SMALL}`, one process for the server and its client.",
         memory,

@@ -77,16 +77,18 @@
   // ------------------------------------------------------------------ the space
 
   const space = $('space');
-  const context = space.getContext('webgl2', { antialias: true, preserveDrawingBuffer: true, alpha: false });
+  const context = space.getContext('webgl2', { antialias: false, preserveDrawingBuffer: true, alpha: false });
   let view = null;
   const SLOW = 25; // ms: where a program draws the space, no graphics hardware
+  /** Pixels drawn for one of the page, along an edge. They smooth edges, for less than multisampling costs a program. */
+  const findFineness = () => 2 * Math.min(window.devicePixelRatio || 1, 1.5);
 
   /** Build what is drawn; `before`, of the docking before, hands over renderer, camera and state. */
   function makeView(before) {
     const T = THREE;
     const extent = geometry.extent; // sizes of symbols, frames, arrows and cameras follow it [m]
-    const renderer = before?.renderer || new T.WebGLRenderer({ canvas: space, context, antialias: true });
-    renderer.setPixelRatio(Math.min(window.devicePixelRatio || 1, 2));
+    const renderer = before?.renderer || new T.WebGLRenderer({ canvas: space, context });
+    renderer.setPixelRatio(findFineness());
     const scene = new T.Scene();
     scene.background = new T.Color('#f7f9fb');
     scene.add(new T.HemisphereLight('#ffffff', '#a8b2bd', 2.2));
@@ -560,7 +562,7 @@
       },
       /** Draw half as fine while the docking changes, if a picture takes long; it is timed when that rests. */
       setMoving: (on) => {
-        const ratio = Math.min(window.devicePixelRatio || 1, 2) * (on && state.isSlow ? 0.5 : 1);
+        const ratio = findFineness() * (on && state.isSlow ? 0.5 : 1);
         if (renderer.getPixelRatio() !== ratio) renderer.setPixelRatio(ratio);
         state.isTimed = !on;
       },
