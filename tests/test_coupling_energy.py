@@ -20,15 +20,16 @@ MOTION = ("position", "velocity", "attitude", "angular_velocity")
 SHOWN = ("target.velocity", "chaser.force_mean", "coupling.work_residual", "capture.compression")
 STOP = 4.0
 UNSTABLE = 0.03  # s
+TOO_LONG = 0.05  # s, two fifths of a period
 
 
-def dock(step, seen=None):
+def dock(step, seen=None, scene="probe_drogue"):
     """Couple until STOP; returns the docking, and the refusal if there is one.
 
     `seen` receives time, peak and diagnosis of each step.
     """
     docking = dl.Docking(
-        "probe_drogue",
+        scene,
         {"chaser.motion": "driven", "initial.approach_time": 0.5, "coupling.mode": "parallel"},
     )
     docking.set("coupling.expected_step", step)
@@ -88,12 +89,25 @@ def test_an_unstable_coupling_is_refused_with_its_cause_and_a_step_that_is_stabl
     assert obeyed.get("capture.peak.compression") == pytest.approx(peak, rel=0.1)
 
 
-@pytest.mark.parametrize("step", [0.01, 0.1])
-def test_a_flexible_part_is_named_before_loads_are_wrong(step):
+def test_steps_that_do_not_resolve_a_part_are_refused_where_the_interface_feels_it():
+    seen = []
+    docking, refusal = dock(TOO_LONG, seen)
+    assert "a flexible part, which swings at 8 Hz" in refusal
+    assert "a step of 0.05 s does not resolve it" in refusal
+    right, refused = dock(0.003)
+    assert not refused
+    peak = right.get("capture.peak.compression")
+    assert docking.get("capture.peak.compression") < 1.1 * peak
+
+
+@pytest.mark.parametrize(
+    ("scene", "step"), [("probe_drogue", 0.01), ("probe_drogue", 0.1), ("idss_25t_350t", 0.1)]
+)
+def test_a_flexible_part_is_named_before_loads_are_wrong(scene, step):
     """The mode has 8 Hz. In steps of 0.1 s, four fifths of its period, reports look like 2 Hz."""
     seen, right = [], []
-    docking, _ = dock(step, seen)
-    dock(0.003, right)
+    docking, _ = dock(step, seen, scene)
+    dock(0.003, right, scene)
     assert name_choice("coupling.diagnosis", docking.get("coupling.diagnosis")) == "flexible part"
     named = [text for text in docking.warnings if "has a flexible part" in text]
     assert len(named) == 1, docking.warnings
@@ -105,7 +119,7 @@ def test_a_flexible_part_is_named_before_loads_are_wrong(step):
 
 
 @pytest.mark.parametrize("step", [0.05, 0.1])
-def test_a_part_that_swings_whole_periods_in_a_step_is_named(monkeypatch, step):
+def test_a_part_that_swings_whole_periods_in_a_step_is_named_and_refused(monkeypatch, step):
     """20 Hz: velocities are right within 0.1 %, but positions show how far the part gives way."""
     monkeypatch.syspath_prepend(str(Path(__file__).parent / "studies"))
     import host_vehicles as hv
@@ -114,11 +128,12 @@ def test_a_part_that_swings_whole_periods_in_a_step_is_named(monkeypatch, step):
     docking.set("coupling.expected_step", step)
     names = [f"chaser.{name}" for name in MOTION]
     host = hv.Sprung([docking.get(name) for name in names], hv.PART, 20.0)
-    for _ in range(round(2.0 / step)):
-        loads = [docking.get(f"chaser.{load}_mean") for load in ("force", "torque")]
-        for name, value in zip(names, host.motion(), strict=True):
-            docking.set(name, value)
-        docking.step(step)
-        host.advance(*loads, step)
+    with pytest.raises(dl.DockloopError, match=f"a step of {step} s does not resolve it"):
+        for _ in range(round(4.0 / step)):
+            loads = [docking.get(f"chaser.{load}_mean") for load in ("force", "torque")]
+            for name, value in zip(names, host.motion(), strict=True):
+                docking.set(name, value)
+            docking.step(step)
+            host.advance(*loads, step)
     assert name_choice("coupling.diagnosis", docking.get("coupling.diagnosis")) == "flexible part"
     assert 20.0 / docking.get("coupling.diagnosis_value") == pytest.approx(20.0 * step, rel=0.01)

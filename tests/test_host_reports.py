@@ -11,7 +11,7 @@ import pytest
 import dockloop as dl
 from coupling_host import cross, turn
 from dockloop.native.core import name_choice
-from vehicles import ARRAYS, HUB, SLOSH, TANK, FlexibleHost
+from vehicles import ARRAYS, HUB, SLOSH, TANK, FlexibleHost, components
 
 MASS, INERTIA, ARM = 25e3, np.array([60.5e3, 132e3, 132e3]), np.array([3.72, 0.0, 0.0])
 MOTION = ("position", "velocity", "attitude", "angular_velocity")
@@ -193,9 +193,12 @@ def test_a_wrong_report_is_named(name):
     [
         ("attitude", lambda p, v, q, w: (p, v, q, 30.0 / np.pi * w)),  # rpm are no degrees
         ("attitude", lambda p, v, q, w: (p, v, q, w + np.array([0.01, 0.0, 0.0]))),
+        ("attitude", lambda p, v, q, w: (p, v, q, 1.05 * w)),  # no inertia
+        ("attitude", lambda p, v, q, w: (p, v, q, w[[0, 2, 1]])),
+        ("position", lambda p, v, q, w: (p, 1.02 * v, q, w)),  # no unit
         ("position constant", lambda p, v, q, w: FROZEN.setdefault("report", (p, v, q, w))),
     ],
-    ids=["rpm", "bias", "frozen"],
+    ids=["rpm", "bias", "scale", "exchanged", "faster", "frozen"],
 )
 @pytest.mark.parametrize("attitude", [TURNED, [1, 0, 0, 0], [0, 0.6, 0, 0.8]])
 def test_what_resembles_another_mistake_is_not_called_so(name, report, step, attitude):
@@ -213,6 +216,12 @@ def test_a_wrong_load_is_named(name, step):
 def test_a_load_that_no_single_mistake_explains_is_named_so(step):
     along_x = dock(step, loads=lambda f, t, q: (f * [1, 0, 0], t), stop=4.0)
     assert_named(along_x, "unexplained")
+
+
+@pytest.mark.parametrize("step", [0.01, 0.1])
+def test_a_torque_about_one_axis_only_is_no_inertia(step):
+    about_x = dock(step, loads=lambda f, t, q: (f, t * [1, 0, 0]), stop=4.0)
+    assert_named(about_x, "torque missing")
 
 
 @pytest.mark.parametrize("attitude", ATTITUDES)
@@ -251,6 +260,28 @@ def test_a_wrong_mass_and_a_wrong_inertia_are_named(name, step):
     assert docking.get("coupling.diagnosis_value") == pytest.approx(1.0, rel=0.02)
 
 
+def dock_flexible(vehicle, step, scene="idss_25t_350t", settings=None):
+    """Couple a host with parts; it states `settings`, and then the loads of its parts, too."""
+    docking = dl.Docking(
+        scene,
+        {"chaser.motion": "driven", "initial.approach_time": 0.1, "coupling.mode": "parallel"},
+    )
+    for name, value in {"coupling.expected_step": step, **(settings or {})}.items():
+        docking.set(name, value)
+    host = FlexibleHost([docking.get(f"chaser.{name}") for name in MOTION], *vehicle)
+    for _ in range(round(3.0 / step)):
+        f, t = (docking.get(f"chaser.{name}_mean") for name in ("force", "torque"))
+        motion, own = host.motion(), host.advance(f, t, step)
+        for name, value in zip(MOTION, motion, strict=True):
+            docking.set(f"chaser.{name}", value)
+        for name, value in zip(("force_ext", "torque_ext"), own, strict=True):
+            docking.set(f"chaser.{name}", value if settings else [0.0, 0.0, 0.0])
+        docking.step(step)
+        if docking.get("coupling.diagnosis") != 1:
+            break
+    return docking
+
+
 @pytest.mark.parametrize("step", [0.01, 0.1])
 @pytest.mark.parametrize(
     ("vehicle", "lowest", "highest"),  # Hz, of the free vehicle: those of the hub, and its share
@@ -261,22 +292,17 @@ def test_a_wrong_mass_and_a_wrong_inertia_are_named(name, step):
     ids=["slosh", "arrays"],
 )
 def test_arrays_and_slosh_are_a_flexible_part_not_another_inertia(vehicle, lowest, highest, step):
-    docking = dl.Docking(
-        "idss_25t_350t",
-        {"chaser.motion": "driven", "initial.approach_time": 0.1, "coupling.mode": "parallel"},
-    )
-    docking.set("coupling.expected_step", step)
-    host = FlexibleHost([docking.get(f"chaser.{name}") for name in MOTION], *vehicle)
-    for _ in range(round(3.0 / step)):
-        f, t = (docking.get(f"chaser.{name}_mean") for name in ("force", "torque"))
-        for name, value in zip(MOTION, host.motion(), strict=True):
-            docking.set(f"chaser.{name}", value)
-        docking.step(step)
-        if docking.get("coupling.diagnosis") != 1:
-            break
-        host.advance(f, t, step)
+    docking = dock_flexible(vehicle, step)
     assert_named(docking, "flexible part")
     assert 0.97 * lowest < docking.get("coupling.diagnosis_value") < 1.03 * highest
+
+
+@pytest.mark.parametrize("step", [0.04, 0.06, 0.1])
+@pytest.mark.parametrize("scene", ["idss_25t_350t", "apda", "probe_drogue"])
+def test_a_host_that_reports_the_mean_loads_of_its_arrays_gets_no_word(scene, step):
+    hub = {"chaser.mass": HUB[0], "chaser.inertia": components(HUB[1])}
+    docking = dock_flexible((*HUB, ARRAYS), step, scene, hub)
+    assert name_choice("coupling.diagnosis", docking.get("coupling.diagnosis")) == "none"
 
 
 def test_an_inertia_in_another_unit_is_named():

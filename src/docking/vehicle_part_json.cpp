@@ -129,10 +129,10 @@ VehiclePart read_part(const JsonReader& item, const std::string& name) {
   for (size_t k = 0; k < count; ++k) {
     PartCoordinate& coordinate = part.coordinates[k];
     const bool turns = coordinate.joint == JointType::kRevolute;
-    const double inertia = turns ? coordinate.axis.dot(I * coordinate.axis) : part.mass;
     const double w = kFullTurn * frequency[k];
-    coordinate.stiffness = stiffness[k] + w * w * inertia;
-    coordinate.damping = damping[k] + 2.0 * ratio[k] * w * inertia;
+    coordinate.inertia = turns ? coordinate.axis.dot(I * coordinate.axis) : part.mass;
+    coordinate.stiffness = stiffness[k] + w * w * coordinate.inertia;
+    coordinate.damping = damping[k] + 2.0 * ratio[k] * w * coordinate.inertia;
     coordinate.start = start[k];
     coordinate.rate = rate[k];
     if (count == 6 && !(coordinate.stiffness > 0.0)) {

@@ -20,7 +20,8 @@ struct PartCoordinate {
   Vec3<double> axis = Vec3<double>::UnitX();  ///< unit, axes of the part; of a mode, as in Body
   Vec3<double> axis_of_rotation = Vec3<double>::Zero();  ///< of a mode, as in Body
   double stiffness = 0.0, damping = 0.0;  ///< [N/m], [N s/m]; of hinges [N m/rad], [N m s/rad]
-  double start = 0.0, rate = 0.0;         ///< at the start [m], [m/s] or [rad], [rad/s]
+  double inertia = 1.0;            ///< that the spring moves, with the vehicle held [kg], [kg m2]
+  double start = 0.0, rate = 0.0;  ///< at the start [m], [m/s] or [rad], [rad/s]
 };
 
 struct VehiclePart {

@@ -93,6 +93,8 @@ Status DockingSim::Impl::receive(double h) {
   for (int i : {kChaser, kTarget}) {
     momentum_audit.start[i] += find_momentum(*model, i, present()) - momentum_before[i];
   }
+  status = host->check_modes(step_loop->y(), status_text);
+  if (!status.ok()) return status;
   return host->check_energy(std::min(energy_before, energy_after), energy_audit.host_work,
                             step_loop->y(), status_text);
 }

@@ -58,6 +58,7 @@ struct DrivenVehicle {
   VehicleBody body;           ///< that predictions use: as stated, or as identified
   VehicleState by_stated;     ///< as `predicted`, of the stated body
   Wrench<double> mean_known;  ///< mean known load of the host over the last step, as `held`
+  double mean_error = 0.0;    ///< of the velocity within it, because that load is a mean [m/s]
   MassEstimate estimate;
   double restated = 0.0;  ///< time from which `stated` holds [s since start]
   double interval = 0.0;  ///< between `received` and the next report [s]

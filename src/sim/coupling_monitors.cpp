@@ -13,6 +13,7 @@ constexpr double kForget = 0.98;             ///< of the sums, per kForgetTime
 constexpr double kForgetTime = 0.01;         ///< [s]
 constexpr double kSilentChange = 1e-11;      ///< change of velocity that is ignored [m/s] ...
 constexpr double kRelativeRounding = 1e-14;  ///< ... and of the speed in N [-]
+constexpr double kMeanError = 0.25;          ///< of the change of a mean load: what it leaves open
 constexpr double kGravityError = 1e-4;       ///< of gravity as a constant over the step
 constexpr double kStableMismatch = 0.1;      ///< mismatch below which no step is too long [-]
 constexpr double kStableRange = 0.8;         ///< frequency x step with a mass that is not confirmed
@@ -20,6 +21,8 @@ constexpr double kLongestSuggestion = 0.1;   ///< longest suggested step [s]
 constexpr double kShare = 0.3;               ///< of the tolerance, for the next step
 constexpr double kCreatedWarning = 0.01;     ///< created energy, of the largest energy so far
 constexpr double kCreatedError = 0.3;        ///< the same, for a refusal
+constexpr double kResolved = 0.25;           ///< periods of a flexible part, in a step
+constexpr double kFelt = 0.02;               ///< deflection of a part, of that of the interface
 constexpr int kLoadedSteps = 10;             ///< until identified numbers are a diagnosis
 constexpr double kModeTime = 2.0;            ///< with loads: until then a mode may show [s]
 constexpr double kCentreShare = 0.01;        ///< of the radius of gyration, for a wrong centre
@@ -29,6 +32,11 @@ constexpr double kHeldGrowth = 0.1;          ///< growth per step that damping h
 /// Is a fault one of the ten numbers?
 bool is_body(int fault) {
   return fault == kWrongMass || fault == kWrongInertia || fault == kWrongCentre;
+}
+
+/// Radius of gyration, a mean of all axes [m].
+double find_gyration_radius(const VehicleBody& body) {
+  return std::sqrt(body.inertia.trace() / (3.0 * body.mass));
 }
 
 /// The model of a target without parts has its centre of mass in its origin.
@@ -182,9 +190,14 @@ HostFinding HostCoupling::judge(int i, const VehicleState& z) {
   step.gravity = loads_.at_start().gravity.norm();
   // Gravity as a constant over the step has at least this error.
   step.rounding = kSilentChange + kRelativeRounding * inputs_.vehicle[i].velocity.norm() +
-                  h * kGravityError * step.gravity;
+                  h * kGravityError * step.gravity + v.mean_error;
   const HostFinding by_loads = judge_loads(step, keep, sums);
   identify(i, z, step.rounding, keep);
+  if (found.fault == kPositionUnrelated && sums.force.loaded > 0) {  // or it swings within steps
+    if (sums.force.loaded < kLoadedSteps) return {};
+    const HostFinding mode = explain_by_mode(h, false, sums);
+    return mode.fault == kHostRight ? found : mode;
+  }
   if (found.fault != kHostRight) return found;
   if (sums.turn_errors + sums.move_errors > 0) return {};
   const bool may_be_body =
@@ -208,7 +221,7 @@ HostFinding HostCoupling::judge(int i, const VehicleState& z) {
 /// @param by_loads  cause that responses to loads show
 HostFinding HostCoupling::explain_by_body(int i, const HostFinding& by_loads) const {
   const DrivenVehicle& v = state_.coupling.vehicle[i];
-  const double radius = std::sqrt(v.stated.inertia.trace() / (3.0 * v.stated.mass));
+  const double radius = find_gyration_radius(v.stated);
   const double distance = (v.body.com - v.stated.com).norm();
   const HostFinding mass{kWrongMass, v.body.mass / v.stated.mass - 1.0};
   HostFinding inertia{kWrongInertia, 0.0};
@@ -339,6 +352,27 @@ Status HostCoupling::check_energy(double energy, double host_work, const double*
   return {};
 }
 
+/// Steps that do not resolve a flexible part of a host create no energy that would show. Its
+/// deflection per acceleration, times the square of the interface's frequency, is its share.
+Status HostCoupling::check_modes(const double* y, std::string& reason) {
+  for (int i : {kChaser, kTarget}) {
+    const HostFinding& found = state_.coupling.vehicle[i].finding;
+    const double h = state_.last_step;
+    if (found.fault != kFlexiblePart || !(found.value * h > kResolved)) continue;
+    const double frequency = find_interface_frequency(y);
+    const double share = found.deflection * frequency * frequency;
+    if (!(share > kFelt)) continue;
+    char text[200];
+    std::snprintf(text, sizeof text,
+                  "; a step of %.3g s does not resolve it, and the docking interface (%.3g rad/s) "
+                  "is stiff enough to deflect it: loads would be wrong",
+                  h, frequency);
+    reason = describe(i, found, h) + text;
+    return {StatusCode::kCouplingUnstable, -1, share, state_.elapsed};
+  }
+  return {};
+}
+
 /// After a step: store data of the step for the monitors.
 /// @param start, end  of the internal vehicle
 void HostCoupling::note_step(int i, const Wrench<double>& exerted, const VehicleState& start,
@@ -350,6 +384,12 @@ void HostCoupling::note_step(int i, const Wrench<double>& exerted, const Vehicle
   const Loads& known = loads_.at(0.5 * h);
   Vec3<double> fall = Vec3<double>::Zero();
   if (!model_->falling) fall = h * known.gravity;
+  const Wrench<double> change{known.force[i] - v.mean_known.f, known.torque[i] - v.mean_known.t};
+  const bool is_first = !(v.interval > 0.0);
+  v.mean_error = is_first
+                     ? 0.0
+                     : kMeanError * h / v.stated.mass *
+                           (change.f.norm() + change.t.norm() / find_gyration_radius(v.stated));
   v.interval = h;
   v.fall = fall;
   v.mean_known = {known.force[i], known.torque[i]};

@@ -63,6 +63,8 @@ class HostCoupling {
   /// @param energy  of everything inside [J]; @param host_work  part of it by corrections [J]
   /// @param reason  of a refusal
   Status check_energy(double energy, double host_work, const double* y, std::string& reason);
+  /// Do steps resolve the flexible parts that hosts have? @param reason  of a refusal
+  Status check_modes(const double* y, std::string& reason);
   /// Momentum of the internal vehicle: of the host's vehicle, plus the pending impulse.
   Wrench<double> find_internal_momentum(int vehicle) const;
   /// Is there room for one more late load, and may a step of h have this delay?

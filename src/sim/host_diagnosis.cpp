@@ -32,6 +32,7 @@ constexpr double kHeldShare = 1e-12;       ///< of 1 m and the distance: motion 
 constexpr double kUnchangedTime = 1.0;     ///< of a first report, beyond the stated delay [s] ...
 constexpr double kStoppedTime = 10.0;      ///< ... and of a later one: hosts may have long steps
 constexpr double kExplained = 0.04;        ///< of the squares of errors, by an alternative
+constexpr double kUnitShare = 0.5;         ///< from 1: a smaller factor is no unit
 constexpr double kNothing = 1e-6;          ///< of squares: no motion at all
 constexpr double kPointRank = 1e-6;        ///< of squares of turns: a part of a point that shows
 
@@ -135,6 +136,17 @@ size_t find_reading(const std::array<double, count>& error2, double motion2) {
   const auto least = std::min_element(error2.begin(), error2.end());
   const double most = kExplained * std::min(error2[0], motion2);
   return *least < most ? static_cast<size_t>(least - error2.begin()) : 0;
+}
+
+/// Squares of errors of the attitude that are left if the angular velocity has other axes.
+double find_left_by_axes(const ReportSums& sums) {
+  double least = sums.turn_error2[0];
+  for_each_other_axes([&](const Mat3<double>& axes) {
+    const double left = sums.turn2 - 2.0 * axes.cwiseProduct(sums.turn_product).sum() +
+                        (axes * sums.spin_matrix).cwiseProduct(axes).sum();
+    least = std::min(least, left);
+  });
+  return least;
 }
 
 /// Squares of errors that another mass (inertia) does not explain.
@@ -273,15 +285,21 @@ HostFinding explain_torque(const LoadStep& step, const ResponseSums& r) {
     if (may_be_late(r, step.h)) return {};
     search.consider(left, kTorqueMissing, felt);
   } else {
-    double by_axis = r.error2, worst = 0.0;
+    double by_axis = r.error2, worst = 0.0, least = felt;
     for (int k = 0; k < 3; ++k) {
       const double change2 = r.axis_change2(k, k), product = r.axis_product(k, k);
       if (!(change2 > 0.0)) continue;
       by_axis -= product * product / change2;
       const double value = change2 / (change2 + product) - 1.0;
-      if (change2 > kExplained * r.change2 && std::abs(value) > std::abs(worst)) worst = value;
+      if (!(change2 > kExplained * r.change2)) continue;
+      least = std::min(least, 1.0 + product / change2);
+      if (std::abs(value) > std::abs(worst)) worst = value;
     }
-    search.consider(by_axis, kWrongInertia, worst);
+    if (least < kLeastFelt) {  // about an axis
+      search.consider(by_axis, kTorqueMissing, felt);
+    } else {
+      search.consider(by_axis, kWrongInertia, worst);
+    }
   }
   search.consider(r.left2[0], kTorqueInN);
   search.consider(r.left2[1], kTorqueTurned);
@@ -467,17 +485,29 @@ HostFinding judge_motion(const ReportPair& pair, double keep, ReportSums& sums) 
     sums.turn_error2[i] = keep * sums.turn_error2[i] + (rate - mean).squaredNorm();
     if (i > 0) continue;
     sums.turn2 = keep * sums.turn2 + rate.squaredNorm();
-    sums.spin2 = keep * sums.spin2 + mean.squaredNorm();
+    sums.spin_matrix = keep * sums.spin_matrix + mean * mean.transpose();
+    sums.turn_product = keep * sums.turn_product + rate * mean.transpose();
     error = (rate - mean).norm();
-    allowed = kTurnError + kReportRounding / h + kRateShare * mean.norm() +
-              kChangeShare * (w1 - w0).norm();
+    const double doubtful = kTurnError + kReportRounding / h + kRateShare * mean.norm();
+    sums.turn_doubts = error > doubtful ? sums.turn_doubts + 1 : 0;
+    allowed = doubtful + kChangeShare * (w1 - w0).norm();
   }
   sums.turn_errors = error > allowed ? sums.turn_errors + 1 : 0;
-  const bool is_constant = sums.turn2 < kNothing * sums.spin2;
-  const bool is_missing = sums.spin2 < kNothing * sums.turn2;
+  const double spin2 = sums.spin_matrix.trace();
+  const bool is_constant = sums.turn2 < kNothing * spin2;
+  const bool is_missing = spin2 < kNothing * sums.turn2;
   if (sums.turn_errors >= kFewErrors && !is_constant && !is_missing) {
     const size_t reading = find_reading(sums.turn_error2, sums.turn2);
-    if (reading > 0) return {kAttitudeReadings[reading].fault, 0.0};
+    const double most = kExplained * sums.turn_error2[reading];  // exchanged axes fit much better
+    const bool is_exact = sums.turn_error2[reading] < kNothing * sums.turn_error2[0];
+    if (reading > 0 && (is_exact || find_left_by_axes(sums) > most)) {
+      return {kAttitudeReadings[reading].fault, 0.0};
+    }
+  }
+  if (sums.turn_doubts >= kManyErrors && !is_constant && !is_missing) {
+    const double share = sums.turn_product.trace() / spin2;
+    const double left = sums.turn2 - share * sums.turn_product.trace();
+    if (left < kExplained * sums.turn_error2[0]) return {kAttitudeUnrelated, error};
   }
   if (sums.turn_errors >= kManyErrors) {
     if (is_constant) return {kAttitudeConstant, error};
@@ -511,8 +541,11 @@ HostFinding judge_motion(const ReportPair& pair, double keep, ReportSums& sums) 
     if (reading > 0) return {kVelocityReadings[reading], pair.interface_position.norm()};
     const double units = sums.velocity2 > 0.0 ? sums.move_velocity / sums.velocity2 : 0.0;
     const double left = sums.move2 - units * sums.move_velocity;
-    if (std::abs(units) > 1e-5 && left < kExplained * sums.move_error2[0])
-      return {kPositionUnit, 1.0 / units};
+    if (std::abs(units) > 1e-5 && left < kExplained * sums.move_error2[0]) {
+      const bool is_unit = std::abs(units - 1.0) > kUnitShare;
+      return is_unit ? HostFinding{kPositionUnit, 1.0 / units}
+                     : HostFinding{kPositionUnrelated, error};
+    }
     // Its part along the axis of rotation does not show: the smallest vector.
     const Mat3<double> regular =
         sums.point_matrix + kPointRank * sums.point_matrix.trace() * Mat3<double>::Identity();
@@ -647,7 +680,7 @@ HostFinding explain_by_mode(double h, bool fits, const ReportSums& sums) {
   }
   const HostMode mode = find_mode(sums.mode, h);
   const bool is_seen = mode.rate * loaded * h > kLeastPeriods && (mode.bends || !fits);
-  return is_seen ? HostFinding{kFlexiblePart, mode.frequency} : HostFinding();
+  return is_seen ? HostFinding{kFlexiblePart, mode.frequency, mode.deflection} : HostFinding();
 }
 
 double find_scaled_error(const ReportSums& sums) {
@@ -655,7 +688,7 @@ double find_scaled_error(const ReportSums& sums) {
   const auto consider = [&](double error2, double size2) {
     if (size2 > 0.0) largest2 = std::max(largest2, error2 / size2);
   };
-  consider(sums.turn_error2[0], sums.turn2 + sums.spin2);
+  consider(sums.turn_error2[0], sums.turn2 + sums.spin_matrix.trace());
   consider(sums.move_error2[0], sums.move2 + sums.velocity2);
   for (const ResponseSums* r : {&sums.force, &sums.torque}) consider(r->error2, r->change2);
   return std::sqrt(largest2);

@@ -134,8 +134,9 @@ inline const ChoiceList kHostFaults = {
 };
 
 struct HostFinding {
-  int fault = kHostRight;  ///< see HostFault
-  double value = 0.0;      ///< see kHostFaults
+  int fault = kHostRight;   ///< see HostFault
+  double value = 0.0;       ///< see kHostFaults
+  double deflection = 0.0;  ///< of a flexible part, see HostMode [s2]
 };
 
 /// The sentence of a finding. @param h  last step [s]; @param mass, delay  stated [kg], [s]
@@ -170,8 +171,11 @@ struct ResponseSums {
 /// Sums over the reports of one vehicle; old reports fade out. An array has one entry for each
 /// reading of the reports (host_diagnosis.cpp).
 struct ReportSums {
-  std::array<double, 7> turn_error2{};  ///< attitude and angular velocity [rad2/s2]
-  double turn2 = 0.0, spin2 = 0.0;      ///< [rad2/s2]
+  std::array<double, 7> turn_error2{};               ///< attitude and angular velocity [rad2/s2]
+  double turn2 = 0.0;                                ///< [rad2/s2]
+  Mat3<double> spin_matrix = Mat3<double>::Zero();   ///< products of angular velocities ...
+  Mat3<double> turn_product = Mat3<double>::Zero();  ///< ... and of turns with them [rad2/s2]
+  int turn_doubts = 0;                  ///< as below, also where a change may explain the error
   int turn_errors = 0;                  ///< consecutive reports with an error
   double first_angle = 0.0;             ///< between first attitude and start attitude [rad]
   std::array<double, 4> move_error2{};  ///< position and velocity [m2/s2]

@@ -93,6 +93,8 @@ HostMode find_mode(const ModeSums& sums, double h) {
   A << 1.0 + h * constant[1][kDisplacement], h * (1.0 + constant[1][kVelocity]),
       constant[0][kDisplacement], 1.0 + constant[0][kVelocity];
   HostMode mode = find_swing(A, h);
+  const Eigen::Vector2d by_change(h * constant[1][kChange], constant[0][kChange]);
+  mode.deflection = h * std::abs((Eigen::Matrix2d::Identity() - A).inverse().row(0) * by_change);
   mode.bends = along(1, 1) - along(0, 1) + 0.25 * along(0, 0) > kBends * all;
   return mode;
 }

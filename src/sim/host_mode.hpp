@@ -35,9 +35,10 @@ void add_to_mode(const ModeStep& step, double keep, ModeSums& sums);
 
 /// A mode of the free vehicle.
 struct HostMode {
-  double frequency = 0.0;  ///< [Hz]; 0: no mode, or a rigid body explains as much
-  bool bends = false;      ///< no rigid body, of any mass, would move so within steps
-  double rate = 0.0;       ///< of its swing and decay, as steps fold them [Hz]
+  double frequency = 0.0;   ///< [Hz]; 0: no mode, or a rigid body explains as much
+  bool bends = false;       ///< no rigid body, of any mass, would move so within steps
+  double rate = 0.0;        ///< of its swing and decay, as steps fold them [Hz]
+  double deflection = 0.0;  ///< by a load that stays, per acceleration of the rigid body [s2]
 };
 /// The mode that explains the reports. Where steps of whole periods hide how many these are, one
 /// period per step. @param h  step [s]

@@ -300,8 +300,8 @@ double DockingSim::Impl::find_impacting_mass() const {
   return inverse_mass > 0.0 ? 1.0 / inverse_mass : 0.0;
 }
 
-/// Explicit equal steps that are long for the scene show nothing but wrong loads. Modes of vehicles
-/// that equal steps do not follow are refused.
+/// Explicit equal steps that are long for the scene show nothing but wrong loads. Parts and modes
+/// of vehicles that equal steps do not follow are refused.
 void DockingSim::Impl::check_inner_step() {
   // Measured with the default docking: four times the step for real time costs some percent.
   constexpr double kLong = 4.0;
@@ -311,17 +311,20 @@ void DockingSim::Impl::check_inner_step() {
       chosen.needs_step)
     return;
   for (int i : {kChaser, kTarget}) {
-    for (const VehiclePart& part : scene->parts[i].hung) {
-      if (!is_mode(part)) continue;
-      const double rate =  // with the vehicle free: the rest of it moves against the mode
-          std::sqrt(part.coordinates.front().stiffness / share_without_modes[i]);
-      if (rate * inner_step <= kResolved) continue;
-      throw ModelError(
-          part.name + " has up to " + describe_number(rate / kTurn) +
-          " Hz on the free vehicle, which solver.step = " + describe_number(inner_step) +
-          " s does not resolve; take at most " + describe_number(kResolved / rate) +
-          " s or solver.method = 1 (auto), or leave this mode out");
-    }
+    scene->parts[i].for_each([&](const VehiclePart& part) {
+      double rate = 0.0;
+      for (const PartCoordinate& coordinate : part.coordinates) {
+        rate = std::max(rate, std::sqrt(coordinate.stiffness / coordinate.inertia));
+      }
+      // The rest of a free vehicle moves against a mode.
+      if (is_mode(part)) rate /= std::sqrt(share_without_modes[i]);
+      if (rate * inner_step <= kResolved) return;
+      throw ModelError(part.name + " has up to " + describe_number(rate / kTurn) + " Hz on the " +
+                       (is_mode(part) ? "free" : "held") +
+                       " vehicle, which solver.step = " + describe_number(inner_step) +
+                       " s does not resolve; take at most " + describe_number(kResolved / rate) +
+                       " s or solver.method = 1 (auto), or leave it out");
+    });
   }
   if (step_loop->method().is_structured) return;
   const double suggested = find_real_time_step(false);
