@@ -524,6 +524,7 @@ def test_hooks_close_with_the_adapter_inside(hertz, step, most):
 @pytest.mark.parametrize("method", ["fixed_rk4", "fixed_rosenbrock"])
 def test_equal_steps_that_do_not_resolve_a_part_are_refused(method):
     stiff = {"mass": 50.0, "inertia": [1.0, 1.0, 1.0, 0.0, 0.0, 0.0], "joint": "slide"}
-    change = {"chaser.part": [stiff | {"frequency": 100.0}], "solver.method": method}
+    stiff |= {"axis": [1.0, 0.0, 0.0], "frequency": 100.0}
+    change = {"chaser.part": [stiff], "solver.method": method}
     with pytest.raises(DockloopError, match=r"chaser\.part\[1\] has up to 100 Hz .* take at most"):
-        dl.Docking("idss_25t_350t", change | {"solver.step": 0.01})
+        dl.run("idss_25t_350t", change | {"solver.step": 0.01}, stop=0.1)

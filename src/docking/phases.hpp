@@ -57,7 +57,7 @@ inline const ChoiceList kOutcomes = {
     {kOutcomeCaptured, "captured", "all latches hold, or the sequence states a grasp"},
     {kPartialCapture, "partial capture", "some latches hold"},
     {kOutcomeRebound, "rebound", "contact and separation without a latch"},
-    {kMiss, "miss", "separation or passing without contact"},
+    {kMiss, "miss", "the vehicles pass each other, or separate without contact"},
     {kDocked, "docked", "the vehicles are joined; stated by a sequence, as all that follow"},
     {kUndocked, "undocked", "separation after undocking"},
     {kHangUp, "hang-up", "at rest in contact, not captured"},

@@ -286,6 +286,16 @@ def make_rows():
             **where,
         )
 
+    def beside_adapter(frequency, **where):
+        """The host has all of the same vehicle, and reports its total."""
+        return replace(
+            with_adapter(frequency, **where),
+            vehicle=f"adapter 2 t, {frequency:g} Hz, in the host, `apda`, hooks close",
+            report="total mass and inertia",
+            make=lambda motion: Sprung(motion, PART, frequency),
+            chaser=None,
+        )
+
     def burning(motion):
         return Rigid(motion, burn=0.05 / 4.0)
 
@@ -316,7 +326,11 @@ def make_rows():
         ),
         with_adapter(12.0),
         with_adapter(8.0, 300.0, scene="probe_drogue"),
-        *(with_adapter(frequency, scene="apda", stop=HOOKED) for frequency in (8.0, 12.0, 20.0)),
+        *(
+            place(frequency, scene="apda", stop=HOOKED)
+            for frequency in (8.0, 12.0, 20.0)
+            for place in (with_adapter, beside_adapter)
+        ),
         Row(
             "rigid",
             "half of the mass and inertia",
@@ -361,7 +375,9 @@ def list_identified():
 def main():
     """Run all vehicles, write the table."""
     parser = make_parser(__doc__, PAGE)
-    parser.add_argument("--steps", nargs="+", type=float, default=(10.0, 30.0, 100.0), help="ms")
+    parser.add_argument(
+        "--steps", nargs="+", type=float, default=(10.0, 30.0, 50.0, 100.0), help="ms"
+    )
     parser.add_argument("--stop", type=float, default=3.0, help="s, a multiple of all steps")
     options = parser.parse_args()
     table = Table(
