@@ -115,6 +115,55 @@ def test_legs_are_drawn_along_their_slides(tmp_path, scene):
     assert not any("_rod" in note for note in data["meta"]["notes"])
 
 
+def run_platform(tmp_path, groups):
+    """Run the platform that ``IMPORT.md`` imports, on the vehicles of the default scene."""
+    file = paths.ROOT / "scripts" / "examples" / "stewart.sdf"
+    mine = dl.import_mechanism(file, ring="ring").document
+    shipped = json.loads((paths.MECHANISMS / "idss_hexapod.json").read_text())
+    mine |= {member: shipped[member] for member in ("contact", "latches", "limits")}
+    (tmp_path / "stewart.json").write_text(json.dumps(mine))
+    scene = (paths.SCENES / f"{DEFAULT}.toml").read_text()
+    (tmp_path / "first.toml").write_text(scene.replace('"idss_hexapod"', '"stewart"'))
+    settings = {"initial.approach_time": 0.05, "outputs.groups": ["relative", "phase", *groups]}
+    run = dl.run(tmp_path / "first.toml", overrides=settings, stop=1.0, step=0.05)
+    run.view(tmp_path / "page.html")
+    return run, read_page(tmp_path / "page.html")
+
+
+@pytest.mark.parametrize("groups", [["ring", "legs"], ["ring", "legs", "states"], ["states"]])
+def test_an_imported_platform_is_drawn(tmp_path, groups):
+    """Six legs wherever the ring is known; all bodies where the core can close the loops."""
+    run, data = run_platform(tmp_path, groups)
+    legs, columns = data["geometry"]["legs"], data["columns"]
+    assert len(legs) == 6
+    assert not any("not drawn" in note for note in data["meta"]["notes"])
+    assert sum(name.startswith("pose.body.") for name in columns) == 18 * ("states" in groups)
+    assert np.ptp(columns["pose.ring"][:, 0]) > 1e-3
+    for i, leg in enumerate(legs if "legs" in groups else (), start=1):
+        base = np.array([[0.0, 0, 0, 1, 0, 0, 0]])
+        drawn = geometry.find_leg_length(leg, base, columns["pose.ring"])
+        assert np.max(np.abs(drawn - run[f"leg[{i}].length"])) < 1e-9
+    if "states" in groups:
+        loops = {loop["terminal"]: loop for loop in run.scene["mechanism"]["loops"]}
+        for rod, loop in loops.items():
+            tips = [
+                pose[:, :3] + geometry.turn(pose[:, 3:], np.array(loop["cut"][f"point_on_{end}"]))
+                for end, pose in (
+                    ("terminal", columns[f"pose.body.{rod}"]),
+                    ("closing", columns["pose.ring"]),
+                )
+            ]
+            assert np.max(np.abs(tips[0] - tips[1])) < 1e-9
+
+
+def test_what_is_not_drawn_says_what_it_needs(tmp_path):
+    notes = dl.run("probe_drogue_levers", stop=0.1, overrides={"outputs.groups": ["relative"]})
+    notes.view(tmp_path / "page.html")
+    found = [n for n in read_page(tmp_path / "page.html")["meta"]["notes"] if "not drawn" in n]
+    assert all("need the group 'states' in [outputs] groups" in note for note in found)
+    assert found
+
+
 def test_shown_loads_are_those_of_the_result_to_single_precision(docking, page):
     columns = read_page(page)["columns"]
     for name in ("capture.compression", "latch[2].opening", "contact.petal[1].force"):

@@ -228,16 +228,20 @@ def _find_poses(run: Result, shapes: dict) -> tuple[dict[str, np.ndarray], list[
         poses["ring"] = _rows(run, "ring")
     mechanism = run.scene["mechanism"]
     capture = mechanism.get("capture", {}).get("body", "base")
-    if "state.q[1]" in run:
-        found = geometry.place_bodies(mechanism, run.vector("state.q")) or {}
-        for name, in_base in found.items():
-            rows = rotations.join_poses(geometry.as_row(shapes["base"]), in_base)
-            if name != capture:
-                poses[f"body.{name}"] = rows
-            elif "ring" not in poses:
-                poses["ring"] = rows
-                notes.append("ring.* is not recorded: the ring follows from state.q")
     others = [b["name"] for b in mechanism.get("bodies", []) if b["name"] != capture]
+    why = "their poses need the group 'states' in [outputs] groups"
+    if "state.q[1]" in run:
+        try:
+            found = geometry.place_bodies(mechanism, run["time"], run.vector("state.q"))
+        except UsageError as error:
+            found, why = {}, str(error)
+        base = geometry.as_row(shapes["base"])
+        in_chaser = {name: rotations.join_poses(base, rows) for name, rows in found.items()}
+        poses |= {f"body.{name}": in_chaser[name] for name in others if name in found}
+        if "ring" not in poses and capture in found:
+            back = rotations.invert_poses(geometry.as_row(shapes["capture_body_in_G"]))
+            poses["ring"] = rotations.join_poses(in_chaser[capture], back)
+            notes.append("ring.* is not recorded: the ring follows from state.q")
     placed = {"base", *([capture] if "ring" in poses else [])}
     placed |= {name.removeprefix("body.") for name in poses}
     legs = [leg for leg in shapes["legs"] if {leg["root"], leg["closing"]} <= placed]
@@ -245,8 +249,7 @@ def _find_poses(run: Result, shapes: dict) -> tuple[dict[str, np.ndarray], list[
     missing = [name for name in others if name not in placed]
     if missing:
         notes.append(
-            f"not drawn: {', '.join(missing[:6])}{' and others' * (len(missing) > 6)}; the poses of"
-            " these bodies are no outputs, or need the group 'states' in [outputs] groups"
+            f"not drawn: {', '.join(missing[:6])}{' and others' * (len(missing) > 6)}: {why}"
         )
     poses |= parts.place_parts(run, shapes["vehicles"], poses.get("target"))
     if lost := [i for i in range(1, len(shapes["parts"]) + 1) if f"part[{i}]" not in poses]:

@@ -327,8 +327,9 @@
     const bodies = {};
     for (const body of geometry.bodies) {
       if (!has(`pose.body.${body.name}`)) continue;
-      const made = group(world), line = rod(world, 0.015 * extent, solid(COLORS.soft));
-      addFrame(made, body.name, 0.15 * extent);
+      const made = group(world), isOfLeg = geometry.legs.some((leg) => leg.bodies?.includes(body.name));
+      const line = isOfLeg ? null : rod(world, 0.015 * extent, solid(COLORS.soft));
+      if (!isOfLeg) addFrame(made, body.name, 0.15 * extent);
       addActive(made, body.name);
       bodies[body.name] = { made, line, parent: body.parent };
     }
@@ -428,7 +429,7 @@
         place(body.made, findPose(`body.${name}`, t));
       }
       for (const body of Object.values(bodies)) {
-        const parent = holderOf(body.parent);
+        const parent = body.line && holderOf(body.parent);
         if (parent) span(body.line, parent.position, body.made.position);
       }
       for (const made of legs) {
