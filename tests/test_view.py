@@ -14,6 +14,7 @@ import hashlib
 import json
 import re
 import shutil
+import sys
 import time
 from dataclasses import replace
 
@@ -157,8 +158,8 @@ def test_an_imported_platform_is_drawn(tmp_path, groups):
 
 
 def test_what_is_not_drawn_says_what_it_needs(tmp_path):
-    notes = dl.run("probe_drogue_levers", stop=0.1, overrides={"outputs.groups": ["relative"]})
-    notes.view(tmp_path / "page.html")
+    run = dl.run("probe_drogue_levers", stop=0.1, overrides={"outputs.groups": ["relative"]})
+    run.view(tmp_path / "page.html")
     found = [n for n in read_page(tmp_path / "page.html")["meta"]["notes"] if "not drawn" in n]
     assert all("need the group 'states' in [outputs] groups" in note for note in found)
     assert found
@@ -454,8 +455,13 @@ def test_foreign_files_stay(dockloop, result, tmp_path):
         (("--camera", "ring"), "--camera ring: belongs to pictures: add --still or --film"),
         (("--size", "640x480"), "--size 640x480: belongs to pictures"),
         (("--case", "1"), "is no table of a sweep"),
-        (("--mesh", "station.stl"), "must be chaser=FILE.stl or target=FILE.stl"),
+        (("--mesh", "station.stl"), "--mesh station.stl: must be NAME=FILE, perhaps with @SCALE"),
         (("--mesh", "target=none.stl"), "none.stl: no such STL file"),
+        (("--mesh", "target=none.obj"), "none.obj: no such mesh"),
+        (("--mesh", "target=none.stl@1,2"), "SCALE is one number, or three"),
+        (("--mesh", "target=none.stl@1e"), "SCALE is one number, or three"),
+        (("--mesh", "target=none.stl@0"), "quaternion and scale must be finite and not zero"),
+        (("--mesh", "target=none.stl@0,0,0,0,0,0,0,1"), "quaternion and scale must be finite"),
     ],
 )
 def test_bad_usage_is_one_sentence(dockloop, result, arguments, message):
@@ -487,14 +493,59 @@ def make_stl(path, scale=1.0, text=False):
     path.write_bytes(bytes(80) + len(faces).to_bytes(4, "little") + packed)
 
 
+def read_meshes(path):
+    """Return name, points and triangles of all meshes of a page."""
+    return [
+        (name, *(np.frombuffer(base64.b64decode(mesh[key]), kind).reshape(-1, 3)
+                 for key, kind in (("points", "<f4"), ("triangles", "<u4"))))
+        for name, mesh in read_page(path)["geometry"]["meshes"]
+    ]  # fmt: skip
+
+
 @pytest.mark.parametrize("text", [False, True])
-def test_meshes_of_vehicles(dockloop, result, tmp_path, text):
+def test_meshes_of_vehicles_and_bodies(dockloop, result, tmp_path, text):
     make_stl(tmp_path / "hull.stl", 2.0, text)
-    dockloop.succeed("view", result, "--mesh", "chaser=hull.stl")
-    mesh = read_page(tmp_path / "own_view.html")["geometry"]["vehicles"]["chaser"]["mesh"]
-    assert len(mesh["points"]) == 64  # 4 points of 12 bytes, in base64
+    turned = "ring=hull.stl@0.1,0,0,1,0,0,1,0.5"  # by 90 degrees about z
+    dockloop.succeed("view", result, "--mesh", "chaser=hull.stl", "--mesh", turned)
+    (first, points, triangles), (second, moved, _) = read_meshes(tmp_path / "own_view.html")
+    assert (first, second) == ("chaser", "ring")
+    assert {tuple(p) for p in points} == {(0, 0, 0), (2, 0, 0), (0, 2, 0), (0, 0, 2)}
+    assert triangles.shape == (4, 3)
+    corners = [(0.1, 0, 0), (0.1, 1, 0), (-0.9, 0, 0), (0.1, 0, 1)]
+    assert sorted(map(tuple, moved.round(6))) == sorted(map(tuple, np.float32(corners)))
     make_stl(tmp_path / "hull.stl", 5000.0, text)
-    assert "lengths must be in metres" in refuse(dockloop, result, "--mesh", "chaser=hull.stl")
+    refused = refuse(dockloop, result, "--mesh", "chaser=hull.stl")
+    assert "lengths must be in metres, at most 1000: scale it, millimetres by @0.001" in refused
+    make_stl(tmp_path / "hull.stl")
+    refused = refuse(dockloop, result, "--mesh", "rign=hull.stl")
+    assert "has no such vehicle or body (did you mean 'ring'?); it has chaser, target" in refused
+
+
+@pytest.mark.parametrize("suffix", ["obj", "gltf", "glb"])
+def test_meshes_of_other_formats(dockloop, result, tmp_path, suffix):
+    trimesh = pytest.importorskip("trimesh")
+    box = trimesh.creation.box((1, 2, 3))
+    (tmp_path / f"hull.{suffix}").write_bytes(b"")
+    refused = refuse(dockloop, result, "--mesh", f"target=hull.{suffix}")
+    assert ("is no OBJ file" if suffix == "obj" else "trimesh cannot read it") in refused
+    scene = trimesh.Scene(box)
+    if suffix == "gltf":
+        for name, content in scene.export(file_type="gltf").items():
+            (tmp_path / (f"hull.{suffix}" if name.endswith("gltf") else name)).write_bytes(content)
+    else:
+        scene.export(tmp_path / f"hull.{suffix}")
+    dockloop.succeed("view", result, "--mesh", f"target=hull.{suffix}")
+    ((name, points, triangles),) = read_meshes(tmp_path / "own_view.html")
+    assert (name, len(points), len(triangles)) == ("target", 8, 12)
+    assert np.ptp(points, axis=0).tolist() == [1, 2, 3]
+
+
+def test_without_trimesh_a_mesh_says_what_to_install(dockloop, result, tmp_path, monkeypatch):
+    (tmp_path / "hull.obj").write_text("v 0 0 0")
+    monkeypatch.setitem(sys.modules, "trimesh", None)
+    outcome = dockloop("view", result, "--mesh", "target=hull.obj")
+    assert outcome.status == 1
+    assert "pip install 'dockloop[meshes]', or give STL" in outcome.err
 
 
 def test_cases_of_a_sweep(dockloop, tmp_path):

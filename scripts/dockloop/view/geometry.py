@@ -37,7 +37,7 @@ def make_geometry(document: dict, parameters: dict[str, float]) -> dict:
     Returns:
         Members ``base`` (its pose in axes of A), ``vehicles``, those of `make_hardware`, ``hooks``
         (symbols of latches), ``extent`` [m], ``contact``, ``legs``, ``capture_body``,
-        ``capture_body_in_G``, ``bodies``.
+        ``capture_body_in_G``, ``meshes``, ``bodies``.
     """
     mechanism = document["mechanism"]
     legs = _list_legs(mechanism)
@@ -65,6 +65,7 @@ def make_geometry(document: dict, parameters: dict[str, float]) -> dict:
         "legs": legs,
         "capture_body": mechanism.get("capture", {}).get("body", "base"),
         "capture_body_in_G": _place_body_in_ring(mechanism.get("capture", {})),
+        "meshes": [],
         "bodies": [
             {"name": body["name"], "parent": body["parent"]} for body in mechanism.get("bodies", [])
         ],

@@ -180,20 +180,24 @@
       const vehicle = geometry.vehicles[name], holder = group(parent);
       vehicles.push(holder);
       if (has(`pose.vehicle.${name}`)) adapted.push([holder, `vehicle.${name}`]);
-      if (vehicle.mesh) {
-        const unpack = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
-        const shape = new T.BufferGeometry();
-        shape.setAttribute('position', new T.BufferAttribute(new Float32Array(unpack(vehicle.mesh.points)), 3));
-        shape.setIndex(new T.BufferAttribute(new Uint32Array(unpack(vehicle.mesh.triangles)), 1));
-        shape.computeVertexNormals();
-        const mesh = new T.Mesh(shape, solid(COLORS[name], { transparent: true, opacity: 0.55 }));
-        place(mesh, vehicle.pose);
-        holder.add(mesh);
+      if (geometry.meshes.some(([of]) => of === name)) {
+        addMeshes(group(holder, vehicle.pose), name, solid(COLORS[name], { transparent: true, opacity: 0.55 }));
         names.push(addLabel(holder, name, vehicle.pose.p, COLORS[name], 0.04));
         return;
       }
       addBox(holder, vehicle.box, name);
       names.push(addLabel(holder, name, vehicle.box.pose.p, COLORS[name], 0.04));
+    }
+    function addMeshes(parent, name, material) {
+      const unpack = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
+      for (const [of, packed] of geometry.meshes) {
+        if (of !== name) continue;
+        const shape = new T.BufferGeometry();
+        shape.setAttribute('position', new T.BufferAttribute(new Float32Array(unpack(packed.points)), 3));
+        shape.setIndex(new T.BufferAttribute(new Uint32Array(unpack(packed.triangles)), 1));
+        shape.computeVertexNormals();
+        parent.add(new T.Mesh(shape, material));
+      }
     }
     function addBox(holder, shape, name) {
       const box = new T.BoxGeometry(...shape.size.map((x) => Math.max(x, 0.02 * extent)));
@@ -281,6 +285,7 @@
     const captureBody = group(world);
     /** Draw the active cores of a body; those without one are in axes of G. */
     const addActive = (parent, body) => addCores(parent, (geometry.cores?.active || []).filter((core) => core.body === body), COLORS.active);
+    addMeshes(mount, 'base', solid(COLORS.rod));
     addFrame(base, 'A', 0.3 * extent, [-0.08 * extent, 0, -0.1 * extent]);
     if ('chaser' in geometry.vehicles) addVehicle(base, 'chaser');
     for (const part of Object.values(geometry.interface)) addCores(base, part, COLORS.rod);
@@ -290,6 +295,7 @@
       if (geometry.ring) petals = addRing(ring, geometry.ring, COLORS.active);
       addActive(ring);
       addActive(captureBody, geometry.capture_body);
+      if (geometry.capture_body !== 'base') addMeshes(captureBody, geometry.capture_body, solid(COLORS.active));
     } else ring.visible = false;
     if (hasTarget) {
       addFrame(target, 'P', 0.3 * extent, [0.11 * extent, 0, -0.1 * extent]);
@@ -331,6 +337,7 @@
       const line = isOfLeg ? null : rod(world, 0.015 * extent, solid(COLORS.soft));
       if (!isOfLeg) addFrame(made, body.name, 0.15 * extent);
       addActive(made, body.name);
+      addMeshes(made, body.name, solid(COLORS.rod));
       bodies[body.name] = { made, line, parent: body.parent };
     }
     const holderOf = (name) => (name === 'base' ? mount : name === geometry.capture_body ? captureBody : bodies[name]?.made);
