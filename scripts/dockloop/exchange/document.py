@@ -1,15 +1,18 @@
 """Writes the mechanism of a robot: bodies, loops with their dependent joints, couplings, forces."""
 
+import shlex
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from dockloop.base.errors import UsageError, did_you_mean
+from dockloop.base.mesh_option import MeshOption
 from dockloop.base.rotations import find_across
 from dockloop.exchange.constructs import GUESSED, LEFT_OUT, MAPPED
 from dockloop.exchange.robot import WORLD, Dof, Joint, Law, Robot
 from dockloop.exchange.tree import CUTS, Tree
+from dockloop.scene.hardware import find_quaternion
 
 BASE = "base"
 # Stiffness and toe of a stop for which the file has none: slides [N/m, m], turns [N m/rad, rad].
@@ -66,6 +69,12 @@ def write_document(robot: Robot, tree: Tree, ring: str | None, assemble: float) 
         _write_loop(robot, tree, joint, plane, chains)
         for joint, plane in zip(tree.cuts, planes, strict=True)
     ]
+    for mesh in robot.meshes:
+        on = chains[tree.body_of[mesh.link]][-1]
+        turn = find_quaternion(on.rotation.T @ mesh.rotation)
+        pose = np.array([*(on.rotation.T @ (mesh.origin - on.origin)), *turn])
+        option = shlex.quote(MeshOption(on.name, mesh.file, pose, mesh.scale).write())
+        robot.report.say(LEFT_OUT, f"mesh of '{mesh.link}': dockloop view RESULT --mesh {option}")
     joints = {body.coordinate: body.name for body in bodies.values() if body.coordinate}
     couplings = [_write_coupling(robot, coupling, joints) for coupling in robot.couplings]
     _choose_dependents(loops, couplings, bodies)
@@ -372,6 +381,13 @@ def _write_forces(robot: Robot, tree: Tree, joints: dict[str, str]) -> list[dict
             if laws:
                 along = [{"joint": joints[dof.name]}]
                 elements.append({"name": dof.name, "along": along, "laws": laws})
+    for dof, terms in robot.tendons:
+        if lost := [name for name, _ in terms if name not in joints]:
+            what = f"forces of tendon '{dof.name}': the joint of '{lost[0]}' is cut"
+            robot.report.say(LEFT_OUT, what)
+            continue
+        sum_of = [{"joint": joints[name], "ratio": ratio} for name, ratio in terms]
+        elements.append({"name": dof.name, "along": sum_of, "laws": _write_laws(robot, dof)})
     return elements
 
 

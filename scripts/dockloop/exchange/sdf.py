@@ -17,6 +17,7 @@ from dockloop.exchange.robot import (
     Law,
     Link,
     Node,
+    Pose,
     Report,
     Robot,
     make_ball,
@@ -25,7 +26,6 @@ from dockloop.exchange.robot import (
     rotate_rpy,
 )
 
-Pose = tuple[np.ndarray, np.ndarray]  # rotation, origin
 _MODEL = "__model__"
 _NO_LIMIT = 1e15  # limits beyond are none: the default of the format is 1e16
 _AXES = {"revolute": 1, "continuous": 1, "prismatic": 1, "universal": 2, "revolute2": 2}
@@ -45,6 +45,11 @@ def read_sdf(file: str, root: Element) -> Robot:
     place = _find_frames(model)
     for node in model.all("link"):
         robot.add_link(_read_link(node, place, robot.report))
+        for visual in node.all("visual"):
+            if mesh := visual.find("geometry/mesh"):
+                pose = _place(visual, node.name(), place)
+                scale = mesh.text("scale", "1 1 1")
+                robot.add_mesh(node.name(), mesh, mesh.text("uri"), pose, scale)
     nodes = {node.name(): node for node in model.all("joint")}
     for node in nodes.values():
         if (kind := node.attribute("type")) != "gearbox":
