@@ -180,6 +180,39 @@ def test_springs_of_one_joint_add_up_and_nothing_is_left_out_silently():
     assert data.qfrc_passive[0] == pytest.approx(expected, rel=1e-12)
 
 
+def make_body(inertia, **more):
+    """A mechanism of one sliding body."""
+    body = {"name": "b", "parent": "base", "mass": 1.0, "inertia": np.array(inertia).tolist()}
+    body |= {"com": [0, 0, 0], "joint": {"type": "prismatic", "axis": [1, 0, 0]}}
+    Path("own.json").write_text(json.dumps({"name": "own", "bodies": [body | more]}))
+
+
+def test_flat_bodies_are_rounded_to_what_mujoco_takes():
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        axes = np.linalg.qr(rng.standard_normal((3, 3)))[0]
+        inertia = axes @ np.diag([1.0, 1.3, 2.3]) @ axes.T
+        make_body((inertia + inertia.T) / 2)
+        export_mechanism("own.json", "out.xml")
+        m = mujoco.MjModel.from_xml_path("out.xml")
+        assert sorted(m.body_inertia[1]) == pytest.approx([1.0, 1.3, 2.3], rel=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("inertia", "more", "words"),
+    [
+        (np.diag([1, 1, 2.1]), {}, r"body 'b' has the principal moments 1, 1 and 2.1 kg m2: MuJoCo"),
+        (np.diag([1, 0, 0]), {}, r"body 'b' has the principal moments 0, 0 and 1 kg m2"),
+        (np.eye(3), {"name": "world"}, r"own\.json: MuJoCo does not accept what it would become: "),
+    ],
+)
+def test_what_mujoco_refuses_is_not_written(inertia, more, words):
+    make_body(inertia, **more)
+    with pytest.raises(dl.UsageError, match=words):
+        export_mechanism("own.json", "out.xml")
+    assert not Path("out.xml").exists()
+
+
 def move(document, values, rates):
     """Return the state of a mechanism where its independent coordinates have these values."""
     report, bodies = (core_of(document, Path("own")) for core_of in (core.check, core.expand))
