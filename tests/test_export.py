@@ -201,7 +201,11 @@ def test_flat_bodies_are_rounded_to_what_mujoco_takes():
 @pytest.mark.parametrize(
     ("inertia", "more", "words"),
     [
-        (np.diag([1, 1, 2.1]), {}, r"body 'b' has the principal moments 1, 1 and 2.1 kg m2: MuJoCo"),
+        (
+            np.diag([1, 1, 2.1]),
+            {},
+            r"body 'b' has the principal moments 1, 1 and 2.1 kg m2: MuJoCo",
+        ),
         (np.diag([1, 0, 0]), {}, r"body 'b' has the principal moments 0, 0 and 1 kg m2"),
         (np.eye(3), {"name": "world"}, r"own\.json: MuJoCo does not accept what it would become: "),
     ],

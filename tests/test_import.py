@@ -437,6 +437,10 @@ MALFORMED = {
         sdf('<frame name="f"><pose relative_to="f">0 0 1 0 0 0</pose></frame>',
             link("arm").replace("<pose>", '<pose relative_to="f">', 1), TURN),
         "stands relative to itself"),
+    "frames on each other": (
+        sdf('<frame name="f" attached_to="g"><pose relative_to="__model__"/></frame><frame name="g" attached_to="f"/>',
+            ARM, joint("turn", "revolute", "f", "arm")),
+        "frame 'f' is attached to itself"),
     "a loop of slides": (LOOP_OF_SLIDES, "no joint of the loop through .* can be cut"),
     "a mimic of nothing": (
         sdf(ARM, turn(MIMIC.replace('"turn"', '"gone"'))), "names the joint 'gone', not there"),

@@ -46,6 +46,15 @@ SDF_CASES = {
     "link": (sdf(ARM, TURN), lambda m: len(m["bodies"]) == 1),
     "link/inertial": (sdf(ARM, TURN), lambda m: m["bodies"][0]["com"] == pytest.approx([0.2, 0.05, -0.02])),
     "joint": (sdf(ARM, TURN), lambda m: m["bodies"][0]["joint"]["position"] == [1, 0, 0]),
+    "joint/parent": (
+        sdf(ARM, TURN, link("b"), '<frame name="on" attached_to="turn"/>', joint("j", "revolute", "on", "b")),
+        lambda m: m["bodies"][1]["parent"] == "arm",
+    ),
+    "joint/child": (
+        sdf(ARM, '<frame name="f" attached_to="arm"/><frame name="g" attached_to="f"><pose>0 0 2 0 0 0</pose></frame>',
+            joint("turn", "revolute", "world", "g")),
+        lambda m: m["bodies"][0]["joint"]["position"] == [1, 0, 2],
+    ),
     "joint[fixed]": (
         sdf(ARM, TURN, link("tool", "2 0 0 0 0 0"), joint("bolt", "fixed", "arm", "tool")),
         lambda m: (

@@ -14,6 +14,7 @@ _MESH = f"{_DRAWN}; of a mesh the report says the option of 'dockloop view'"
 _OTHER = "no part of the mechanics of joints"
 _EFFORT = "limits of drives: write a law 'drive' or 'motor'"
 _GUESSED_BALL = "three turns, singular at 90 degrees of the second; the cut R3 of a loop"
+_END = "a link, or the link to which a frame is attached"
 _STOP = "law 'stop'"
 _FRICTION = "law 'brake', a bristle with the default presliding"
 
@@ -41,6 +42,8 @@ SDF = {
     "link/velocity_decay": Row(LEFT_OUT, "damping of the medium"),
     "link/gravity": Row(LEFT_OUT, "gravity acts on all bodies"),
     "joint": Row(MAPPED, "a joint: parent, child, pose, axes"),
+    "joint/parent": Row(MAPPED, _END),
+    "joint/child": Row(MAPPED, _END),
     "joint[fixed]": Row(MAPPED, "its bodies become one"),
     "joint[revolute]": Row(MAPPED, "a turn; the cut R1 or R1_planar of a loop"),
     "joint[continuous]": Row(MAPPED, "a turn; the cut R1 or R1_planar of a loop"),
@@ -163,7 +166,7 @@ def _list_parts(text: str, poses: str) -> frozenset[str]:
 
 SDF_PARTS = _list_parts(
     "link/@name link/pose link/inertial/pose link/inertial/mass link/inertial/inertia"
-    " joint/@name joint/@type joint/pose joint/parent joint/child joint/axis joint/axis/xyz"
+    " joint/@name joint/@type joint/pose joint/axis joint/axis/xyz"
     " joint/axis/xyz/@expressed_in joint/axis/use_parent_model_frame joint/axis/dynamics"
     " joint/axis/limit/lower joint/axis/limit/upper joint/axis/mimic/@joint joint/axis/mimic/@axis"
     " joint/axis/mimic/multiplier joint/axis/mimic/offset joint/axis/mimic/reference"
