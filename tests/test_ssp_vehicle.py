@@ -213,6 +213,38 @@ def test_an_edited_package_is_judged(dockloop, foreign, tmp_path, change, words)
     assert done.err.count("\n") == 1
 
 
+BOUND = """<ssd:ParameterBindings><ssd:ParameterBinding {}>{}<ssd:ParameterValues>
+<ssv:ParameterSet version="1.0" name="system"><ssv:Parameters>
+<ssv:Parameter name="{}"><ssv:Real value="{}"/></ssv:Parameter>
+</ssv:Parameters></ssv:ParameterSet></ssd:ParameterValues></ssd:ParameterBinding></ssd:ParameterBindings>
+"""
+MAPPED = "<ssd:ParameterMapping/>"
+
+
+@pytest.mark.parametrize(
+    ("binding", "words"),
+    [
+        (("", "", "chaser.r_1", "7"), "chaser: 'r_1' starts at 7, the docking expects -"),
+        (('prefix="chaser."', "", "r_1", "7"), "chaser: 'r_1' starts at 7, the docking expects -"),
+        (("", "", "docking.chaser.position[1]", "-7"), "the docking expects -7"),
+        (("", "", "r_1", "7"), ": right"),  # of the system itself
+        (("", MAPPED, "chaser.r_1", "7"), "are mapped to other names: not read, not judged"),
+    ],
+)
+def test_values_of_the_system_win(dockloop, foreign, tmp_path, binding, words):
+    """As the standard has it: a system names those of its components; the higher level wins."""
+    assert build(dockloop, foreign).status == 0
+    bound = BOUND.format(*binding)
+    edit(
+        *("mine.ssp", tmp_path / "x.ssp"),
+        lambda t: t.replace("<ssd:Elements>", f"{bound}<ssd:Elements>"),
+        "SystemStructure.ssd",
+    )
+    done = dockloop("ssp", "--check", "x.ssp")
+    assert words in " ".join(done.out.split()), done
+    assert done.status == ("expects" in words)
+
+
 def test_check_stands_alone(dockloop):
     for command in (("absorber_1d", "--check", "x.ssp"), (), ("--check", "none.ssp")):
         done = dockloop("ssp", *command)
