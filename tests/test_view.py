@@ -116,9 +116,10 @@ def test_legs_are_drawn_along_their_slides(tmp_path, scene):
     assert not any("_rod" in note for note in data["meta"]["notes"])
 
 
-def run_platform(tmp_path, groups):
+def run_platform(tmp_path, groups, change=lambda text: text):
     """Run the platform that ``IMPORT.md`` imports, on the vehicles of the default scene."""
-    file = paths.ROOT / "scripts" / "examples" / "stewart.sdf"
+    file = tmp_path / "stewart.sdf"
+    file.write_text(change((paths.ROOT / "scripts" / "examples" / "stewart.sdf").read_text()))
     mine = dl.import_mechanism(file, ring="ring").document
     shipped = json.loads((paths.MECHANISMS / "idss_hexapod.json").read_text())
     mine |= {member: shipped[member] for member in ("contact", "latches", "limits")}
@@ -129,6 +130,29 @@ def run_platform(tmp_path, groups):
     run = dl.run(tmp_path / "first.toml", overrides=settings, stop=1.0, step=0.05)
     run.view(tmp_path / "page.html")
     return run, read_page(tmp_path / "page.html")
+
+
+def turn_over(text):
+    """Return a platform whose legs have the ball at the base."""
+    axes = "<axis><xyz>0 1 0</xyz></axis><axis2><xyz>0 0 1</xyz></axis2></joint>"
+    text = re.sub(
+        r'type="universal">(.*?)<axis>.*?</joint>', r'type="BALL">\1</joint>', text, flags=re.DOTALL
+    )
+    text = re.sub(r'type="ball">(.*?)</joint>', rf'type="universal">\1{axes}', text)
+    return text.replace("BALL", "ball")
+
+
+def find_gaps(run, columns):
+    """Return how far the two ends of each cut are from each other in a page [m]."""
+    gaps = []
+    for loop in run.scene["mechanism"]["loops"]:
+        ends = []
+        for end in ("terminal", "closing"):
+            pose = columns["pose.ring" if loop[end] == "ring" else f"pose.body.{loop[end]}"]
+            point = np.array(loop["cut"][f"point_on_{end}"])
+            ends.append(pose[:, :3] + geometry.turn(pose[:, 3:], point))
+        gaps.append(np.max(np.abs(ends[0] - ends[1])))
+    return gaps
 
 
 @pytest.mark.parametrize("groups", [["ring", "legs"], ["ring", "legs", "states"], ["states"]])
@@ -145,16 +169,21 @@ def test_an_imported_platform_is_drawn(tmp_path, groups):
         drawn = geometry.find_leg_length(leg, base, columns["pose.ring"])
         assert np.max(np.abs(drawn - run[f"leg[{i}].length"])) < 1e-9
     if "states" in groups:
-        loops = {loop["terminal"]: loop for loop in run.scene["mechanism"]["loops"]}
-        for rod, loop in loops.items():
-            tips = [
-                pose[:, :3] + geometry.turn(pose[:, 3:], np.array(loop["cut"][f"point_on_{end}"]))
-                for end, pose in (
-                    ("terminal", columns[f"pose.body.{rod}"]),
-                    ("closing", columns["pose.ring"]),
-                )
-            ]
-            assert np.max(np.abs(tips[0] - tips[1])) < 1e-9
+        assert max(find_gaps(run, columns)) < 1e-9
+
+
+def test_bodies_in_loops_of_any_shape_are_placed(tmp_path):
+    """Legs with the ball at the base are not drawn as legs, and the page says what they need."""
+    _, data = run_platform(tmp_path, ["ring"], turn_over)
+    (note,) = [note for note in data["meta"]["notes"] if "not drawn" in note]
+    assert note.endswith("and others: their poses need the group 'states' in [outputs] groups")
+    run, data = run_platform(tmp_path, ["ring", "states"], turn_over)
+    assert data["geometry"]["legs"] == []
+    assert not any("not drawn" in note for note in data["meta"]["notes"])
+    assert max(find_gaps(run, data["columns"])) < 1e-9
+    bodies = data["geometry"]["bodies"]
+    assert sum(body["is_named"] for body in bodies) == 13  # others are coordinates of joints
+    assert [len(body["ends"]) for body in bodies if body["name"].startswith("rod")] == [1] * 6
 
 
 def test_what_is_not_drawn_says_what_it_needs(tmp_path):

@@ -187,7 +187,7 @@ class Robot:
         self.links[link.name] = link
 
     def add_mesh(self, link: str, node: "Node", file: str, pose: Pose, scale: str) -> None:
-        """Add what an element of a file draws; packages of other tools lie beside the file."""
+        """Add what an element of a file draws; packages of other tools lie next to the file."""
         rest = re.sub(r"^(package|model)://[^/]*/|^file://", "", file)
         path = str(Path(self.report.file).parent / rest)
         self.meshes.append(Mesh(link, path, *pose, node.numbers(scale, "scale", 3)))

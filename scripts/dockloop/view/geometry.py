@@ -66,9 +66,18 @@ def make_geometry(document: dict, parameters: dict[str, float]) -> dict:
         "capture_body": mechanism.get("capture", {}).get("body", "base"),
         "capture_body_in_G": _place_body_in_ring(mechanism.get("capture", {})),
         "meshes": [],
-        "bodies": [
-            {"name": body["name"], "parent": body["parent"]} for body in mechanism.get("bodies", [])
-        ],
+        "bodies": [_describe_body(body, mechanism) for body in mechanism.get("bodies", [])],
+    }
+
+
+def _describe_body(body: dict, mechanism: dict) -> dict:
+    """Return what is drawn of a body: its axes if it has a mass, lines to where loops end on it."""
+    loops = (loop for loop in mechanism.get("loops", []) if loop["terminal"] == body["name"])
+    return {
+        "name": body["name"],
+        "parent": body["parent"],
+        "is_named": bool(body.get("mass")),
+        "ends": [loop["cut"]["point_on_terminal"] for loop in loops],
     }
 
 

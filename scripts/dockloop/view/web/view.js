@@ -335,7 +335,8 @@
       if (!has(`pose.body.${body.name}`)) continue;
       const made = group(world), isOfLeg = geometry.legs.some((leg) => leg.bodies?.includes(body.name));
       const line = isOfLeg ? null : rod(world, 0.015 * extent, solid(COLORS.soft));
-      if (!isOfLeg) addFrame(made, body.name, 0.15 * extent);
+      if (!isOfLeg && body.is_named) addFrame(made, body.name, 0.15 * extent);
+      if (!isOfLeg) for (const end of body.ends) span(rod(made, 0.015 * extent, solid(COLORS.soft)), new T.Vector3(), vector(end));
       addActive(made, body.name);
       addMeshes(made, body.name, solid(COLORS.rod));
       bodies[body.name] = { made, line, parent: body.parent };
