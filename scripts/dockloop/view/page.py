@@ -247,7 +247,7 @@ def _find_poses(run: Result, shapes: dict) -> tuple[dict[str, np.ndarray], list[
     capture = mechanism.get("capture", {}).get("body", "base")
     others = [b["name"] for b in mechanism.get("bodies", []) if b["name"] != capture]
     why = "their poses need the group 'states' in [outputs] groups"
-    if "state.q[1]" in run:
+    if "state.q[1]" in run and (others or (capture != "base" and "ring" not in poses)):
         try:
             found = geometry.place_bodies(mechanism, run["time"], run.vector("state.q"))
         except UsageError as error:
