@@ -172,6 +172,15 @@ def test_an_imported_platform_is_drawn(tmp_path, groups):
         assert max(find_gaps(run, columns)) < 1e-9
 
 
+def test_legs_have_the_numbers_of_their_outputs(tmp_path):
+    """The first slide misses its foot, so it is no leg; the others keep their numbers."""
+    bent = ("<xyz>1 0 0</xyz>", "<xyz>1 0.1 0</xyz>", 1)
+    run, data = run_platform(tmp_path, ["ring", "legs"], lambda text: text.replace(*bent))
+    assert [leg["number"] for leg in data["geometry"]["legs"]] == [2, 3, 4, 5, 6]
+    assert data["meta"]["fit"] < 1e-9
+    assert "leg[6].length" in run
+
+
 def test_bodies_in_loops_of_any_shape_are_placed(tmp_path):
     """Legs with the ball at the base are not drawn as legs, and the page says what they need."""
     _, data = run_platform(tmp_path, ["ring"], turn_over)

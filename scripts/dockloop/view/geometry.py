@@ -220,11 +220,13 @@ def _list_legs(mechanism: dict) -> list[dict]:
     """Return what is drawn of the legs."""
     legs = []
     places = find_body_places(mechanism)
+    numbers = {leg["name"]: i for i, leg in enumerate(mechanism.get("legs", []), start=1)}
     for leg in list_legs(mechanism):
         stops = {} if "pin" in leg else leg.get("stops") or {}
         legs.append(
             {
                 **{key: leg[key] for key in ("name", "root", "closing")},
+                "number": numbers.get(leg["name"], 0),  # of the outputs; 0: it has none
                 **{key: [float(x) for x in leg[key]] for key in ("root_point", "closing_point")},
                 **{key: stops[key] for key in ("min_length", "max_length") if key in stops},
                 **{key: leg[key] for key in ("bodies", "length") if key in leg},

@@ -309,8 +309,8 @@ def _check_fit(run: Result, poses: dict[str, np.ndarray], shapes: dict) -> float
         )
     at |= {k.removeprefix("body."): v for k, v in poses.items() if k.startswith("body.")}
     differences = {}
-    for i, leg in enumerate(shapes["legs"]):
-        name = f"leg[{i + 1}].length"
+    for leg in shapes["legs"]:
+        name = f"leg[{leg['number']}].length"
         if name in run and leg["root"] in at and leg["closing"] in at:
             drawn = geometry.find_leg_length(leg, at[leg["root"]], at[leg["closing"]])
             differences[name] = float(np.max(np.abs(drawn - run[name])))

@@ -360,12 +360,12 @@
 
     // Legs: cylinder at the root, rod at the closing body; both ends are joint points of the mechanism.
     const legs = [];
-    geometry.legs.forEach((leg, k) => {
+    geometry.legs.forEach((leg) => {
       if (!isPlaced(leg.root) || !isPlaced(leg.closing)) return;
       const home = leg.length || vector(leg.root_point).distanceTo(vector(leg.closing_point));
-      const length = leg.crank ? '' : `leg[${k + 1}].length`;
+      const length = leg.crank ? '' : `leg[${leg.number}].length`;
       const thick = 0.025 * extent * Math.min(1.5, Math.max(0.5, home / extent)), material = solid(COLORS.rod);
-      const made = { leg, force: `leg[${k + 1}].force`, length, home, material, cylinder: rod(world, thick, solid(COLORS.leg)), rod: rod(world, 0.6 * thick, material) };
+      const made = { leg, force: `leg[${leg.number}].force`, length, home, material, cylinder: rod(world, thick, solid(COLORS.leg)), rod: rod(world, 0.6 * thick, material) };
       made.joints = [ball(world, new T.Vector3(), 1.4 * thick, solid(COLORS.ink)), ball(world, new T.Vector3(), 1.2 * thick, solid(COLORS.ink))];
       legs.push(made);
     });
