@@ -349,7 +349,7 @@ def test_other_constructs_of_mjcf_are_reported_or_refused(construct):
 def test_a_tendon_without_a_free_joint_cannot_be_coupled():
     """Two equalities for one joint; a path through space; beyond the linear term."""
     one = "<fixed name='t'><joint joint='turn' coef='1'/></fixed>"
-    words = "cannot be mapped: its first tendon needs a joint that no other equality determines"
+    words = "cannot be mapped: it needs a joint that no other equality determines"
     twice = "<equality><tendon tendon1='t'/><tendon tendon1='t' polycoef='1 0 0 0 0'/></equality>"
     with pytest.raises(dl.UsageError, match=words):
         bring(mjcf(rest=TENDON.format(one, twice)))
@@ -363,6 +363,14 @@ def test_a_tendon_without_a_free_joint_cannot_be_coupled():
     bent = "<equality><tendon tendon1='t' polycoef='0 0 1 0 0'/></equality>"
     with pytest.raises(dl.UsageError, match="has the polynomial"):
         bring(mjcf(rest=TENDON.format(one, bent)))
+
+
+def test_equalities_of_one_joint_determine_one_after_the_other():
+    two = INNER.replace('name="b"', 'name="c"').replace('"follow"', '"third"')
+    equal = EQUAL.replace("</equality>", "<joint joint1='follow' joint2='third'/></equality>")
+    made = bring(mjcf(inside=INNER + two, rest=equal)).document["couplings"]
+    assert [coupling["dependent"] for coupling in made] == ["b", "c"]
+    assert made[1]["terms"] == [{"joint": "b", "ratio": 1.0}]
 
 
 # Those that need an engine's plugin or files of soft bodies have no example here.

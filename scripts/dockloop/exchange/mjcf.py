@@ -267,11 +267,11 @@ def _read_coupling(
         joint: first.get(joint, 0.0) - numbers[1] * ratio for joint, ratio in second.items()
     }
     taken = {coupling.dependent for coupling in robot.couplings}
-    dependent = next((joint for joint in first if weights[joint] and joint not in taken), None)
+    dependent = next((joint for joint, w in weights.items() if w and joint not in taken), None)
     if dependent is None:
         raise UsageError(
-            f"{file}: equality '{name}' cannot be mapped: its first tendon needs a joint that no"
-            " other equality determines, and spatial tendons have none"
+            f"{file}: equality '{name}' cannot be mapped: it needs a joint that no other equality"
+            " determines, and spatial tendons have none"
         )
     whole = weights.pop(dependent)
     terms = [(joint, float(-weight / whole)) for joint, weight in weights.items() if weight]
