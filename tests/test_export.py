@@ -99,34 +99,34 @@ def test_a_shipped_mechanism_is_the_same_in_mujoco(name):
     )  # fmt: skip
     qpos, qvel, applied, expected = to_mujoco(m, document, out, tau)
 
-    def find_equations(qpos):
-        data.qpos, data.qvel, data.qfrc_applied = qpos, qvel, applied
-        mujoco.mj_forward(m, data)
-        rows = data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
-        jac = data.efc_J.reshape(-1, m.nv)[rows].copy()
-        return jac, data.efc_pos[rows].copy()
-
-    step = 1e-5
-    ends = []
-    for sign in (1, -1):
-        moved = qpos.copy()
-        mujoco.mj_integratePos(m, moved, qvel, sign * step)
-        ends.append(find_equations(moved)[0])
-    jac, gaps = find_equations(qpos)
+    data.qpos, data.qvel, data.qfrc_applied = qpos, qvel, applied
+    mujoco.mj_forward(m, data)
+    rows = data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
+    jac, gaps = data.efc_J.reshape(-1, m.nv)[rows], data.efc_pos[rows]
     # Kinematics: loops and couplings are closed there, and stay so.
     assert np.abs(gaps).max() < 1e-13  # measured: 2e-15
     assert np.abs(jac @ qvel).max() < 1e-13  # measured: 7e-15
     mass = np.zeros((m.nv, m.nv))
     mujoco.mj_fullM(m, data, mass)
     force = data.qfrc_applied - data.qfrc_bias
-    inverse = np.linalg.inv(mass)
-    rate = (ends[0] - ends[1]) @ qvel / (2 * step)
-    multipliers = np.linalg.pinv(jac @ inverse @ jac.T, rcond=1e-11) @ (
-        jac @ inverse @ force + rate
-    )
-    found = inverse @ (force - jac.T @ multipliers)
-    # Measured: 8e-9, of the difference by which the Jacobian is differentiated.
-    assert np.abs(found - expected).max() < 1e-7 * np.abs(expected).max()
+    rate = np.concatenate([find_rates(m, data, i) for i in range(m.neq)])
+    root = np.linalg.cholesky(mass)  # of coordinates in which the mass is one
+    free, whitened = np.linalg.solve(root, force), np.linalg.solve(root, jac.T).T
+    held = free - np.linalg.pinv(whitened, rcond=1e-10) @ (whitened @ free + rate)
+    found = np.linalg.solve(root.T, held)
+    assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()
+
+
+def find_rates(m, data, equality):
+    """Return the rates of the equations of an equality by its changing Jacobian."""
+    if m.eq_type[equality] != mujoco.mjtEq.mjEQ_CONNECT:
+        return np.zeros(1)  # ratios are constant
+    rates = []
+    for site in (m.eq_obj1id[equality], m.eq_obj2id[equality]):
+        dot = np.zeros((3, m.nv))
+        mujoco.mj_jacDot(m, data, dot, None, data.site_xpos[site], m.site_bodyid[site])
+        rates.append(dot @ data.qvel)
+    return rates[0] - rates[1]
 
 
 def test_an_export_says_what_it_leaves_out_and_replaces_no_other_file():
@@ -180,16 +180,81 @@ def test_springs_of_one_joint_add_up_and_nothing_is_left_out_silently():
     assert data.qfrc_passive[0] == pytest.approx(expected, rel=1e-12)
 
 
-def test_what_was_exported_can_be_imported():
-    export_mechanism("hexapod_bench", "out.xml")
-    made = dl.import_mechanism("out.xml", ring="ring")
-    first, again = dl.check("hexapod_bench"), made.check
+def make_body(inertia, **more):
+    """A mechanism of one sliding body."""
+    body = {"name": "b", "parent": "base", "mass": 1.0, "inertia": np.array(inertia).tolist()}
+    body |= {"com": [0, 0, 0], "joint": {"type": "prismatic", "axis": [1, 0, 0]}}
+    Path("own.json").write_text(json.dumps({"name": "own", "bodies": [body | more]}))
+
+
+def test_flat_bodies_are_rounded_to_what_mujoco_takes():
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        axes = np.linalg.qr(rng.standard_normal((3, 3)))[0]
+        inertia = axes @ np.diag([1.0, 1.3, 2.3]) @ axes.T
+        make_body((inertia + inertia.T) / 2)
+        export_mechanism("own.json", "out.xml")
+        m = mujoco.MjModel.from_xml_path("out.xml")
+        assert sorted(m.body_inertia[1]) == pytest.approx([1.0, 1.3, 2.3], rel=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("inertia", "more", "words"),
+    [
+        (
+            np.diag([1, 1, 2.1]),
+            {},
+            r"body 'b' has the principal moments 1, 1 and 2.1 kg m2: MuJoCo",
+        ),
+        (np.diag([1, 0, 0]), {}, r"body 'b' has the principal moments 0, 0 and 1 kg m2"),
+        (np.eye(3), {"name": "world"}, r"own\.json: MuJoCo does not accept what it would become: "),
+    ],
+)
+def test_what_mujoco_refuses_is_not_written(inertia, more, words):
+    make_body(inertia, **more)
+    with pytest.raises(dl.UsageError, match=words):
+        export_mechanism("own.json", "out.xml")
+    assert not Path("out.xml").exists()
+
+
+def move(document, values, rates):
+    """Return the state of a mechanism where its independent coordinates have these values."""
+    report, bodies = (core_of(document, Path("own")) for core_of in (core.check, core.expand))
+    q, slices, at, at_v = [], {}, 0, 0
+    for body in bodies["bodies"]:
+        count = 7 if body["joint"]["type"] == "free" else 1
+        home = report["home_q"][at : at + count]
+        is_free = body["name"] in report["independent"]
+        q += values.setdefault(body["name"], home) if is_free else home
+        slices[body["name"]] = slice(at_v, at_v + (6 if count == 7 else 1))
+        at, at_v = at + count, at_v + (6 if count == 7 else 1)
+    state = {"q": q, "v_independent": rates, "tau": [0.0] * at_v}
+    (out,) = core.evaluate(document, Path("own"), {"states": [state]}, Path("state"))
+    return report, out, [a for name in report["independent"] for a in out["a"][slices[name]]]
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_what_was_exported_can_be_imported(name):
+    """Also couplings of several joints, and springs along them."""
+    export_mechanism(name, "out.xml")
+    shipped = read_mechanism(paths.MECHANISMS / f"{name}.json")
+    imported = dl.import_mechanism("out.xml", ring=shipped["capture"]["body"]).document
+    degrees = dl.check(name)["degrees_of_freedom"]
+    rates = (0.1 * np.random.default_rng(3).standard_normal(degrees)).tolist()
+    turned = [0.9998, 0.02, 0.0, 0.0]
+    values = {body["name"]: [0.01] for body in shipped["bodies"] if "axis" in body["joint"]}
+    for body in shipped["bodies"]:
+        if body["joint"]["type"] == "free":
+            at = np.array([0.01, 0.02, -0.01])
+            values[body["name"]] = [*at, *(turned / np.linalg.norm(turned))]
+    first, before, a = move(shipped, values, rates)
+    again, after, b = move(imported, values, rates)
     for key in ("degrees_of_freedom", "independent", "mass", "tree_velocities"):
         assert again[key] == pytest.approx(first[key])
-    assert {loop["closure"] for loop in again["loops"]} == {"R2P1R3"}
-    state = {"v_independent": [0.1, -0.2, 0.3, 0.2, -0.1, 0.3], "tau": [0.0] * 24}
-    state["q"] = [0.01, 0.02, -0.01, 1.0, 0.0, 0.0, 0.0, *[0.0] * 18]
-    (out,) = core.evaluate(made.document, Path("b"), {"states": [state]}, Path("s"))
-    shipped = read_mechanism(paths.MECHANISMS / "hexapod_bench.json")
-    (other,) = core.evaluate(shipped, Path("a"), {"states": [state]}, Path("s"))
-    assert out["a"][:6] == pytest.approx(other["a"][:6], rel=1e-9)
+    for found in (first, again):
+        found["closures"] = sorted(loop["closure"] for loop in found["loops"])
+    assert again["closures"] == first["closures"]
+    scale = np.abs(a).max()
+    assert b == pytest.approx(a, abs=1e-9 * scale)
+    for one, other in zip(before["reduced_inertia"], after["reduced_inertia"], strict=True):
+        assert other == pytest.approx(one, rel=1e-9, abs=1e-9)

@@ -437,6 +437,10 @@ MALFORMED = {
         sdf('<frame name="f"><pose relative_to="f">0 0 1 0 0 0</pose></frame>',
             link("arm").replace("<pose>", '<pose relative_to="f">', 1), TURN),
         "stands relative to itself"),
+    "frames on each other": (
+        sdf('<frame name="f" attached_to="g"><pose relative_to="__model__"/></frame><frame name="g" attached_to="f"/>',
+            ARM, joint("turn", "revolute", "f", "arm")),
+        "frame 'f' is attached to itself"),
     "a loop of slides": (LOOP_OF_SLIDES, "no joint of the loop through .* can be cut"),
     "a mimic of nothing": (
         sdf(ARM, turn(MIMIC.replace('"turn"', '"gone"'))), "names the joint 'gone', not there"),
@@ -553,3 +557,24 @@ def test_a_second_hinge_on_the_axis_of_the_first_closes_nothing():
 def test_options_that_do_not_fit_are_refused(options, words):
     with pytest.raises(dl.UsageError, match=words):
         bring(sdf(ARM, TURN), **options)
+
+
+def test_any_axis_of_a_file_can_point_forward():
+    """Base and ring turn alike; the motion is the same, in other axes of the base."""
+    plain = dl.import_mechanism(STEWART, ring="ring")
+    state = {"q": [0.01, 0.02, -0.01, 1, 0, 0, 0, *[0.0] * 18], "tau": [0.0] * 24}
+    state["v_independent"] = [0.1, -0.2, 0.3, 0.2, -0.1, 0.3]
+    for forward, axes in (
+        ("z", [[0, 1, 0], [0, 0, 1], [1, 0, 0]]),
+        ("-y", [[0, 0, 1], [-1, 0, 0], [0, -1, 0]]),
+    ):
+        made = dl.import_mechanism(STEWART, ring="ring", forward=forward)
+        was, ring = (each.document["bodies"][0]["joint"] for each in (plain, made))
+        assert np.linalg.det(axes) == pytest.approx(1.0)
+        assert ring["position"] == pytest.approx(np.transpose(axes) @ was["position"])
+        assert made.document["capture"]["rotation"] == axes
+        (out, _), (other, _) = evaluate(plain, state), evaluate(made, state)
+        assert other["a"] == pytest.approx(out["a"], rel=1e-9, abs=1e-9)
+        assert other["base_force"] == pytest.approx(np.transpose(axes) @ out["base_force"])
+    with pytest.raises(dl.UsageError, match="forward w: must be one of x, y, z, -x, -y, -z"):
+        dl.import_mechanism(STEWART, forward="w")

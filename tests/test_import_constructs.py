@@ -1,6 +1,8 @@
 """Every construct of MJCF, URDF and SDF is mapped, refused or reported as left out."""
 
+import base64
 import math
+from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -8,10 +10,13 @@ import pytest
 
 import dockloop as dl
 from dockloop.base import paths
+from dockloop.base.mesh_option import read_mesh_option
 from dockloop.exchange import constructs
+from dockloop.view.mesh import read_mesh
 from import_files import (
     ARM,
     IMPORTED,
+    INERTIAL,
     INNER,
     MIMIC,
     SECOND,
@@ -41,6 +46,15 @@ SDF_CASES = {
     "link": (sdf(ARM, TURN), lambda m: len(m["bodies"]) == 1),
     "link/inertial": (sdf(ARM, TURN), lambda m: m["bodies"][0]["com"] == pytest.approx([0.2, 0.05, -0.02])),
     "joint": (sdf(ARM, TURN), lambda m: m["bodies"][0]["joint"]["position"] == [1, 0, 0]),
+    "joint/parent": (
+        sdf(ARM, TURN, link("b"), '<frame name="on" attached_to="turn"/>', joint("j", "revolute", "on", "b")),
+        lambda m: m["bodies"][1]["parent"] == "arm",
+    ),
+    "joint/child": (
+        sdf(ARM, '<frame name="f" attached_to="arm"/><frame name="g" attached_to="f"><pose>0 0 2 0 0 0</pose></frame>',
+            joint("turn", "revolute", "world", "g")),
+        lambda m: m["bodies"][0]["joint"]["position"] == [1, 0, 2],
+    ),
     "joint[fixed]": (
         sdf(ARM, TURN, link("tool", "2 0 0 0 0 0"), joint("bolt", "fixed", "arm", "tool")),
         lambda m: (
@@ -175,6 +189,7 @@ def test_a_construct_of_urdf_is_mapped_and_reported(construct):
 
 
 EQUAL = '<equality><joint joint1="follow" joint2="turn" polycoef="0.1 2 0 0 0"/></equality>'
+TENDON = "<tendon>{}</tendon>{}"
 TWIN = '<body name="b" pos="0.3 0 0">{}' + IMPORTED + "</body>"
 MJCF_CASES = {
     "body": (mjcf(), lambda m: len(m["bodies"]) == 1),
@@ -217,6 +232,25 @@ MJCF_CASES = {
     "equality/joint": (
         mjcf(inside=INNER, rest=EQUAL),
         lambda m: (m["couplings"][0]["offset"], m["couplings"][0]["terms"]) == (0.1, [{"joint": "arm", "ratio": 2}]),
+    ),
+    "tendon/fixed": (
+        mjcf('<joint name="turn" ref="0.5"/>', INNER, TENDON.format(
+            "<fixed name='t' stiffness='3' springlength='1.7' damping='7' range='-1 3' limited='true'>"
+            "<joint joint='turn' coef='2'/><joint joint='follow' coef='-4'/></fixed>", "")),
+        lambda m: m["forces"] == [
+            {"name": "t", "along": [{"joint": "arm", "ratio": 2}, {"joint": "b", "ratio": -4}],
+             "laws": [{"type": "spring", "stages": [[0, 3]], "rest": pytest.approx(0.7)},
+                      {"type": "damper", "linear": 7},
+                      {"type": "stop", "lower": -2, "upper": 2, "stiffness": 1e4, "toe": 0.01}]}],
+    ),
+    "equality/tendon": (
+        mjcf('<joint name="turn" ref="0.5"/>', INNER, TENDON.format(
+            "<fixed name='t'><joint joint='turn' coef='2'/><joint joint='follow' coef='-4'/></fixed>"
+            "<fixed name='s'><joint joint='follow' coef='1'/></fixed>",
+            "<equality><tendon tendon1='t' tendon2='s' polycoef='0.6 2 0 0 0'/></equality>")),
+        lambda m: m["couplings"] == [
+            {"name": "equality1", "dependent": "arm", "terms": [{"joint": "b", "ratio": 3}], "offset": 0.3}
+        ],
     ),
     "body/geom": (mjcf(inside='<geom size="0.1"/>'), lambda m: True),
     "actuator": (mjcf(rest='<actuator><motor joint="turn"/></actuator>'), lambda m: True),
@@ -295,10 +329,10 @@ MJCF_OTHERS = {  # construct: the model that has it, in the words of the format
     "custom": mjcf(rest='<custom><numeric name="n" data="1"/></custom>'),
     "worldbody": mjcf(),
     "equality": mjcf(inside=INNER, rest=EQUAL),
-    "equality/tendon": mjcf(
-        rest='<tendon><fixed name="t"><joint joint="turn" coef="1"/></fixed></tendon>'
-        '<equality><tendon tendon1="t"/></equality>'
-    ),
+    "tendon/spatial": mjcf(
+        inside='<site name="s"/>',
+        rest='<tendon><spatial stiffness="1"><site site="s"/><site site="o"/></spatial></tendon>',
+    ).replace("<worldbody>", '<worldbody><site name="o"/>'),
 }
 
 
@@ -310,6 +344,33 @@ def test_other_constructs_of_mjcf_are_reported_or_refused(construct):
             bring(MJCF_OTHERS[construct])
         return
     check_case(row, construct, MJCF_OTHERS[construct])
+
+
+def test_a_tendon_without_a_free_joint_cannot_be_coupled():
+    """Two equalities for one joint; a path through space; beyond the linear term."""
+    one = "<fixed name='t'><joint joint='turn' coef='1'/></fixed>"
+    words = "cannot be mapped: it needs a joint that no other equality determines"
+    twice = "<equality><tendon tendon1='t'/><tendon tendon1='t' polycoef='1 0 0 0 0'/></equality>"
+    with pytest.raises(dl.UsageError, match=words):
+        bring(mjcf(rest=TENDON.format(one, twice)))
+    spatial = "<spatial name='t'><site site='s'/><site site='o'/></spatial>"
+    spatial = mjcf(
+        inside='<site name="s"/>',
+        rest=TENDON.format(spatial, "<equality><tendon tendon1='t'/></equality>"),
+    )
+    with pytest.raises(dl.UsageError, match=words):
+        bring(spatial.replace("<worldbody>", '<worldbody><site name="o"/>'))
+    bent = "<equality><tendon tendon1='t' polycoef='0 0 1 0 0'/></equality>"
+    with pytest.raises(dl.UsageError, match="has the polynomial"):
+        bring(mjcf(rest=TENDON.format(one, bent)))
+
+
+def test_equalities_of_one_joint_determine_one_after_the_other():
+    two = INNER.replace('name="b"', 'name="c"').replace('"follow"', '"third"')
+    equal = EQUAL.replace("</equality>", "<joint joint1='follow' joint2='third'/></equality>")
+    made = bring(mjcf(inside=INNER + two, rest=equal)).document["couplings"]
+    assert [coupling["dependent"] for coupling in made] == ["b", "c"]
+    assert made[1]["terms"] == [{"joint": "b", "ratio": 1.0}]
 
 
 # Those that need an engine's plugin or files of soft bodies have no example here.
@@ -324,3 +385,40 @@ def test_every_construct_has_a_case():
 def test_the_page_lists_the_constructs(root):
     page = (paths.MODELS / "IMPORT.md").read_text()
     assert constructs.describe(constructs.FORMATS[root]) in page
+
+
+VISUAL = "<visual name='v'><pose>0 0.5 0 0 0 1.5707963267948966</pose><geometry><mesh><uri>{}</uri>{}</mesh></geometry></visual>"
+MESHES = {
+    "sdf": sdf(link("arm", "1 0 0 0 0 0", INERTIAL + VISUAL.format("model://own/arm.stl", "<scale>2 2 2</scale>")), TURN),
+    "urdf": urdf(inside='<visual><origin xyz="0 0.5 0" rpy="0 0 1.5707963267948966"/><geometry>'
+                 '<mesh filename="package://own/arm.stl" scale="2 2 2"/></geometry></visual>'),
+    "mjcf": mjcf(inside='<geom type="mesh" mesh="arm" pos="0 0.5 0" euler="0 0 1.5707963267948966"/>',
+                 rest='<asset><mesh name="arm" file="arm.stl" scale="2 2 2"/></asset>'),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("form", MESHES)
+def test_the_report_has_the_option_that_draws_a_mesh(form):
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 3.0]], "<f4")
+    facets = (
+        corners[list(face)].tobytes() for face in ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
+    )
+    content = b"".join(bytes(12) + facet + bytes(2) for facet in facets)
+    Path("arm.stl").write_bytes(bytes(80) + (4).to_bytes(4, "little") + content)
+    report = bring(MESHES[form]).report
+    words = "left out: mesh of 'arm': dockloop view RESULT --mesh "
+    (text,) = [line.removeprefix(words) for line in report if line.startswith(words)]
+    option = read_mesh_option(text)
+    assert (option.name, option.file) == ("arm", "arm.stl")
+    half = np.sqrt(0.5)
+    assert option.pose == pytest.approx([0, 0.5, 0, half, 0, 0, half], abs=1e-9)
+    assert option.scale == pytest.approx([2, 2, 2])
+    _, mesh = read_mesh(text)
+    points = np.frombuffer(base64.b64decode(mesh["points"]), "<f4").reshape(-1, 3)
+    assert points.max(axis=0) == pytest.approx([0, 2.5, 6], abs=1e-6)
+
+
+def test_a_mesh_at_the_axes_of_its_body_needs_no_pose():
+    plain = VISUAL.replace("0 0.5 0 0 0 1.5707963267948966", "0 0 0 0 0 0").format("my arm.stl", "")
+    report = bring(sdf(link("arm", "1 0 0 0 0 0", INERTIAL + plain), TURN)).report
+    assert "left out: mesh of 'arm': dockloop view RESULT --mesh 'arm=my arm.stl'" in report

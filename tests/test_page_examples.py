@@ -166,7 +166,9 @@ def files(tmp_path_factory, runs):
     (folder / "build" / "fmu").mkdir(parents=True)
     shutil.copy(runs.fmu(DEFAULT), folder / "build" / "fmu" / f"{DEFAULT}.fmu")
     shutil.copy(runs.fmu(DEFAULT), folder / "own.fmu")
-    shutil.copy(paths.SCENES / f"{DEFAULT}.toml", folder / "mine.toml")
+    (folder / "first_docking").mkdir()
+    for name in ("mine.toml", "first_docking/first.toml"):
+        shutil.copy(paths.SCENES / f"{DEFAULT}.toml", folder / name)
     measured = np.genfromtxt(
         paths.ROOT / "tests/data/measured_mujoco.csv", delimiter=",", names=True
     )

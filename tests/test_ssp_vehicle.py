@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fmpy.ssp import simulation
+from fmpy.ssp.ssd import Parameter, ParameterSet
 
 from dockloop.fmu.build import write_zip
 from dockloop.fmu.ssp import PACKAGE, build_ssp
-from dockloop.fmu.ssp_check import check_ssp
+from dockloop.fmu.ssp_check import Package, check_ssp
 
 SCENE = "absorber_1d"
 THEIR = {  # of the rigid body -> of the other tool
@@ -75,8 +76,16 @@ def build(dockloop, foreign, text=MAP, *more):
     return dockloop(*command, *more)
 
 
-def record(package):
-    made = simulation.simulate_ssp(str(package), stop_time=0.5, step_size=0.01)
+def record(package, *, start=False):
+    """Run a package in FMPy, which sets no parameter values by itself; `start` sets them."""
+    values = ParameterSet(name="start")
+    for component, own in Package(package).values.items() if start else ():
+        for name, text in own.items():
+            number = float(text.replace("true", "1").replace("false", "0"))
+            values.parameters.append(Parameter(name=f"{component}.{name}", value=number))
+    made = simulation.simulate_ssp(
+        str(package), stop_time=1.5, step_size=0.01, parameter_set=values if start else None
+    )
     names = ["docking.relative.axial", "docking.chaser.force_mean[1]", "docking.energy.kinetic"]
     return np.array([made[name] for name in names])
 
@@ -97,6 +106,48 @@ def test_a_foreign_vehicle_gives_the_bits_of_the_rigid_body(dockloop, plain, for
     starts = dict(pairs)
     assert float(starts["r_1"]) < 0.0  # in front of the target
     assert float(starts["chaser.mass"]) > 0.0
+
+
+OTHER = '''"""A vehicle of another tool: PythonFMU; a point mass."""
+
+from pythonfmu import Fmi2Causality, Fmi2Initial, Fmi2Slave, Fmi2Variability, Real
+
+
+class Body(Fmi2Slave):
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.mass = 1.0
+        tunable = {"causality": Fmi2Causality.parameter, "variability": Fmi2Variability.tunable}
+        self.register_variable(Real("mass", **tunable))
+        output = {"causality": Fmi2Causality.output, "initial": Fmi2Initial.exact}
+        self.rows = {"r": [0.0] * 3, "v": [0.0] * 3, "q": [1.0, 0.0, 0.0, 0.0], "w": [0.0] * 3}
+        self.rows |= {"F": [0.0] * 3, "T": [0.0] * 3}
+        for name, row in self.rows.items():
+            for i in range(len(row)):
+                more = {"causality": Fmi2Causality.input} if name in "FT" else output
+                more["getter"] = lambda row=row, i=i: row[i]
+                more["setter"] = lambda value, row=row, i=i: row.__setitem__(i, value)
+                self.register_variable(Real(f"{name}_{i + 1}", **more))
+
+    def do_step(self, time, step):
+        r, v, F = (self.rows[name] for name in "rvF")
+        for i in range(3):
+            r[i] += step * v[i] + 0.5 * step**2 * F[i] / self.mass
+            v[i] += step * F[i] / self.mass
+        return True
+'''
+
+
+def test_a_vehicle_written_with_pythonfmu_gives_the_motion_of_the_rigid_body(dockloop, plain):
+    builder = pytest.importorskip("pythonfmu.builder").FmuBuilder
+    Path("body.py").write_text(OTHER)
+    builder.build_FMU("body.py", dest=".")
+    text = MAP.replace("chaser.mass", "mass").replace('inertia = "chaser.inertia[*]"\n', "")
+    assert build(dockloop, Path("Body.fmu"), text).status == 0
+    assert check_ssp(Path("mine.ssp"))["faults"] == []
+    ours, theirs = (record(package, start=True) for package in (plain, Path("mine.ssp")))
+    assert np.ptp(ours[1]) > 1000.0
+    assert theirs == pytest.approx(ours, rel=1e-9, abs=1e-9)
 
 
 def test_loads_of_thrusters_are_connected(dockloop, foreign):
@@ -211,6 +262,38 @@ def test_an_edited_package_is_judged(dockloop, foreign, tmp_path, change, words)
     assert done.status in (1, 2), done
     assert words in done.err + " ".join(done.out.split()), done
     assert done.err.count("\n") == 1
+
+
+BOUND = """<ssd:ParameterBindings><ssd:ParameterBinding {}>{}<ssd:ParameterValues>
+<ssv:ParameterSet version="1.0" name="system"><ssv:Parameters>
+<ssv:Parameter name="{}"><ssv:Real value="{}"/></ssv:Parameter>
+</ssv:Parameters></ssv:ParameterSet></ssd:ParameterValues></ssd:ParameterBinding></ssd:ParameterBindings>
+"""
+MAPPED = "<ssd:ParameterMapping/>"
+
+
+@pytest.mark.parametrize(
+    ("binding", "words"),
+    [
+        (("", "", "chaser.r_1", "7"), "chaser: 'r_1' starts at 7, the docking expects -"),
+        (('prefix="chaser."', "", "r_1", "7"), "chaser: 'r_1' starts at 7, the docking expects -"),
+        (("", "", "docking.chaser.position[1]", "-7"), "the docking expects -7"),
+        (("", "", "r_1", "7"), ": right"),  # of the system itself
+        (("", MAPPED, "chaser.r_1", "7"), "are mapped to other names: not read, not judged"),
+    ],
+)
+def test_values_of_the_system_win(dockloop, foreign, tmp_path, binding, words):
+    """As the standard has it: a system names those of its components; the higher level wins."""
+    assert build(dockloop, foreign).status == 0
+    bound = BOUND.format(*binding)
+    edit(
+        *("mine.ssp", tmp_path / "x.ssp"),
+        lambda t: t.replace("<ssd:Elements>", f"{bound}<ssd:Elements>"),
+        "SystemStructure.ssd",
+    )
+    done = dockloop("ssp", "--check", "x.ssp")
+    assert words in " ".join(done.out.split()), done
+    assert done.status == ("expects" in words)
 
 
 def test_check_stands_alone(dockloop):

@@ -14,6 +14,7 @@ import hashlib
 import json
 import re
 import shutil
+import sys
 import time
 from dataclasses import replace
 
@@ -113,6 +114,93 @@ def test_legs_are_drawn_along_their_slides(tmp_path, scene):
         assert np.max(np.abs(drawn - run[f"leg[{i}].length"])) < 1e-6, leg["name"]
     assert 1e-4 < moved < 0.1
     assert not any("_rod" in note for note in data["meta"]["notes"])
+
+
+def run_platform(tmp_path, groups, change=lambda text: text):
+    """Run the platform that ``IMPORT.md`` imports, on the vehicles of the default scene."""
+    file = tmp_path / "stewart.sdf"
+    file.write_text(change((paths.ROOT / "scripts" / "examples" / "stewart.sdf").read_text()))
+    mine = dl.import_mechanism(file, ring="ring").document
+    shipped = json.loads((paths.MECHANISMS / "idss_hexapod.json").read_text())
+    mine |= {member: shipped[member] for member in ("contact", "latches", "limits")}
+    (tmp_path / "stewart.json").write_text(json.dumps(mine))
+    scene = (paths.SCENES / f"{DEFAULT}.toml").read_text()
+    (tmp_path / "first.toml").write_text(scene.replace('"idss_hexapod"', '"stewart"'))
+    settings = {"initial.approach_time": 0.05, "outputs.groups": ["relative", "phase", *groups]}
+    run = dl.run(tmp_path / "first.toml", overrides=settings, stop=1.0, step=0.05)
+    run.view(tmp_path / "page.html")
+    return run, read_page(tmp_path / "page.html")
+
+
+def turn_over(text):
+    """Return a platform whose legs have the ball at the base."""
+    axes = "<axis><xyz>0 1 0</xyz></axis><axis2><xyz>0 0 1</xyz></axis2></joint>"
+    text = re.sub(
+        r'type="universal">(.*?)<axis>.*?</joint>', r'type="BALL">\1</joint>', text, flags=re.DOTALL
+    )
+    text = re.sub(r'type="ball">(.*?)</joint>', rf'type="universal">\1{axes}', text)
+    return text.replace("BALL", "ball")
+
+
+def find_gaps(run, columns):
+    """Return how far the two ends of each cut are from each other in a page [m]."""
+    gaps = []
+    for loop in run.scene["mechanism"]["loops"]:
+        ends = []
+        for end in ("terminal", "closing"):
+            pose = columns["pose.ring" if loop[end] == "ring" else f"pose.body.{loop[end]}"]
+            point = np.array(loop["cut"][f"point_on_{end}"])
+            ends.append(pose[:, :3] + geometry.turn(pose[:, 3:], point))
+        gaps.append(np.max(np.abs(ends[0] - ends[1])))
+    return gaps
+
+
+@pytest.mark.parametrize("groups", [["ring", "legs"], ["ring", "legs", "states"], ["states"]])
+def test_an_imported_platform_is_drawn(tmp_path, groups):
+    """Six legs wherever the ring is known; all bodies where the core can close the loops."""
+    run, data = run_platform(tmp_path, groups)
+    legs, columns = data["geometry"]["legs"], data["columns"]
+    assert len(legs) == 6
+    assert not any("not drawn" in note for note in data["meta"]["notes"])
+    assert sum(name.startswith("pose.body.") for name in columns) == 18 * ("states" in groups)
+    assert np.ptp(columns["pose.ring"][:, 0]) > 1e-3
+    for i, leg in enumerate(legs if "legs" in groups else (), start=1):
+        base = np.array([[0.0, 0, 0, 1, 0, 0, 0]])
+        drawn = geometry.find_leg_length(leg, base, columns["pose.ring"])
+        assert np.max(np.abs(drawn - run[f"leg[{i}].length"])) < 1e-9
+    if "states" in groups:
+        assert max(find_gaps(run, columns)) < 1e-9
+
+
+def test_legs_have_the_numbers_of_their_outputs(tmp_path):
+    """The first slide misses its foot, so it is no leg; the others keep their numbers."""
+    bent = ("<xyz>1 0 0</xyz>", "<xyz>1 0.1 0</xyz>", 1)
+    run, data = run_platform(tmp_path, ["ring", "legs"], lambda text: text.replace(*bent))
+    assert [leg["number"] for leg in data["geometry"]["legs"]] == [2, 3, 4, 5, 6]
+    assert data["meta"]["fit"] < 1e-9
+    assert "leg[6].length" in run
+
+
+def test_bodies_in_loops_of_any_shape_are_placed(tmp_path):
+    """Legs with the ball at the base are not drawn as legs, and the page says what they need."""
+    _, data = run_platform(tmp_path, ["ring"], turn_over)
+    (note,) = [note for note in data["meta"]["notes"] if "not drawn" in note]
+    assert note.endswith("and others: their poses need the group 'states' in [outputs] groups")
+    run, data = run_platform(tmp_path, ["ring", "states"], turn_over)
+    assert data["geometry"]["legs"] == []
+    assert not any("not drawn" in note for note in data["meta"]["notes"])
+    assert max(find_gaps(run, data["columns"])) < 1e-9
+    bodies = data["geometry"]["bodies"]
+    assert sum(body["is_named"] for body in bodies) == 13  # others are coordinates of joints
+    assert [len(body["ends"]) for body in bodies if body["name"].startswith("rod")] == [1] * 6
+
+
+def test_what_is_not_drawn_says_what_it_needs(tmp_path):
+    run = dl.run("probe_drogue_levers", stop=0.1, overrides={"outputs.groups": ["relative"]})
+    run.view(tmp_path / "page.html")
+    found = [n for n in read_page(tmp_path / "page.html")["meta"]["notes"] if "not drawn" in n]
+    assert all("need the group 'states' in [outputs] groups" in note for note in found)
+    assert found
 
 
 def test_shown_loads_are_those_of_the_result_to_single_precision(docking, page):
@@ -405,8 +493,13 @@ def test_foreign_files_stay(dockloop, result, tmp_path):
         (("--camera", "ring"), "--camera ring: belongs to pictures: add --still or --film"),
         (("--size", "640x480"), "--size 640x480: belongs to pictures"),
         (("--case", "1"), "is no table of a sweep"),
-        (("--mesh", "station.stl"), "must be chaser=FILE.stl or target=FILE.stl"),
+        (("--mesh", "station.stl"), "--mesh station.stl: must be NAME=FILE, perhaps with @SCALE"),
         (("--mesh", "target=none.stl"), "none.stl: no such STL file"),
+        (("--mesh", "target=none.obj"), "none.obj: no such mesh"),
+        (("--mesh", "target=none.stl@1,2"), "SCALE is one number, or three"),
+        (("--mesh", "target=none.stl@1e"), "SCALE is one number, or three"),
+        (("--mesh", "target=none.stl@0"), "quaternion and scale must be finite and not zero"),
+        (("--mesh", "target=none.stl@0,0,0,0,0,0,0,1"), "quaternion and scale must be finite"),
     ],
 )
 def test_bad_usage_is_one_sentence(dockloop, result, arguments, message):
@@ -438,14 +531,59 @@ def make_stl(path, scale=1.0, text=False):
     path.write_bytes(bytes(80) + len(faces).to_bytes(4, "little") + packed)
 
 
+def read_meshes(path):
+    """Return name, points and triangles of all meshes of a page."""
+    return [
+        (name, *(np.frombuffer(base64.b64decode(mesh[key]), kind).reshape(-1, 3)
+                 for key, kind in (("points", "<f4"), ("triangles", "<u4"))))
+        for name, mesh in read_page(path)["geometry"]["meshes"]
+    ]  # fmt: skip
+
+
 @pytest.mark.parametrize("text", [False, True])
-def test_meshes_of_vehicles(dockloop, result, tmp_path, text):
+def test_meshes_of_vehicles_and_bodies(dockloop, result, tmp_path, text):
     make_stl(tmp_path / "hull.stl", 2.0, text)
-    dockloop.succeed("view", result, "--mesh", "chaser=hull.stl")
-    mesh = read_page(tmp_path / "own_view.html")["geometry"]["vehicles"]["chaser"]["mesh"]
-    assert len(mesh["points"]) == 64  # 4 points of 12 bytes, in base64
+    turned = "ring=hull.stl@0.1,0,0,1,0,0,1,0.5"  # by 90 degrees about z
+    dockloop.succeed("view", result, "--mesh", "chaser=hull.stl", "--mesh", turned)
+    (first, points, triangles), (second, moved, _) = read_meshes(tmp_path / "own_view.html")
+    assert (first, second) == ("chaser", "ring")
+    assert {tuple(p) for p in points} == {(0, 0, 0), (2, 0, 0), (0, 2, 0), (0, 0, 2)}
+    assert triangles.shape == (4, 3)
+    corners = [(0.1, 0, 0), (0.1, 1, 0), (-0.9, 0, 0), (0.1, 0, 1)]
+    assert sorted(map(tuple, moved.round(6))) == sorted(map(tuple, np.float32(corners)))
     make_stl(tmp_path / "hull.stl", 5000.0, text)
-    assert "lengths must be in metres" in refuse(dockloop, result, "--mesh", "chaser=hull.stl")
+    refused = refuse(dockloop, result, "--mesh", "chaser=hull.stl")
+    assert "lengths must be in metres, at most 1000: scale it, millimetres by @0.001" in refused
+    make_stl(tmp_path / "hull.stl")
+    refused = refuse(dockloop, result, "--mesh", "rign=hull.stl")
+    assert "has no such vehicle or body (did you mean 'ring'?); it has chaser, target" in refused
+
+
+@pytest.mark.parametrize("suffix", ["obj", "gltf", "glb"])
+def test_meshes_of_other_formats(dockloop, result, tmp_path, suffix):
+    trimesh = pytest.importorskip("trimesh")
+    box = trimesh.creation.box((1, 2, 3))
+    (tmp_path / f"hull.{suffix}").write_bytes(b"")
+    refused = refuse(dockloop, result, "--mesh", f"target=hull.{suffix}")
+    assert ("is no OBJ file" if suffix == "obj" else "trimesh cannot read it") in refused
+    scene = trimesh.Scene(box)
+    if suffix == "gltf":
+        for name, content in scene.export(file_type="gltf").items():
+            (tmp_path / (f"hull.{suffix}" if name.endswith("gltf") else name)).write_bytes(content)
+    else:
+        scene.export(tmp_path / f"hull.{suffix}")
+    dockloop.succeed("view", result, "--mesh", f"target=hull.{suffix}")
+    ((name, points, triangles),) = read_meshes(tmp_path / "own_view.html")
+    assert (name, len(points), len(triangles)) == ("target", 8, 12)
+    assert np.ptp(points, axis=0).tolist() == [1, 2, 3]
+
+
+def test_without_trimesh_a_mesh_says_what_to_install(dockloop, result, tmp_path, monkeypatch):
+    (tmp_path / "hull.obj").write_text("v 0 0 0")
+    monkeypatch.setitem(sys.modules, "trimesh", None)
+    outcome = dockloop("view", result, "--mesh", "target=hull.obj")
+    assert outcome.status == 1
+    assert "pip install 'dockloop[meshes]', or give STL" in outcome.err
 
 
 def test_cases_of_a_sweep(dockloop, tmp_path):

@@ -14,6 +14,8 @@ def add_options(command: Command) -> None:
     command.add_output("FILE.json", "the mechanism; without, the report only")
     command.add_option("--base", "LINK", "the base (default: the world, or the root of the tree)")
     command.add_option("--ring", "LINK", "the capture body")
+    text = "axis of base and ring that points at the other vehicle: x (default), y, z, =-z, ..."
+    command.add_option("--forward", "AXIS", text, default="x")
     text = "cut this joint of a loop (repeatable; default: the shortest chains)"
     command.add_list("--cut", "cut", "NAME", text)
     text = "close loops that are open by at most this at the pose of the file [m] (default 0.01)"
@@ -24,6 +26,6 @@ def run(options: Options) -> None:
     """Import the mechanism, write it, and say what became of each construct."""
     from dockloop.exchange.importing import describe, import_mechanism
 
-    chosen = {key: getattr(options, key) for key in ("base", "ring", "cut", "assemble")}
+    chosen = {key: getattr(options, key) for key in ("base", "ring", "cut", "assemble", "forward")}
     imported = with_options(import_mechanism)(options.file, options.output, **chosen)
     write(describe(imported))

@@ -24,8 +24,12 @@ def add_options(command: Command) -> None:
     command.add_option("--model", "SCENE|FILE.fmu", text)
     text = "of an FMU: this saved state, the bytes of fmi2SerializeFMUstate"
     command.add_option("--state", "FILE", text, type=file_path)
-    text = "draw chaser or target so: metres, axes and origin of its body frame (repeatable)"
-    command.add_list("--mesh", "meshes", "VEHICLE=FILE.stl", text)
+    text = (
+        "draw chaser, target or a body of the mechanism so: STL, or OBJ or glTF (needs"
+        " dockloop[meshes]); metres, axes and origin of its body frame, else @SCALE or"
+        " @x,y,z,qw,qx,qy,qz,SCALE follows (repeatable)"
+    )
+    command.add_list("--mesh", "meshes", "NAME=FILE", text)
     text = "of a sweep: this case (repeatable; default: the worst one)"
     command.add_list("--case", "cases", "N", text, type=whole)
     text = "of a sweep: the first N cases that were not captured"

@@ -10,9 +10,11 @@ from typing import NamedTuple
 MAPPED, GUESSED, LEFT_OUT, REFUSED = "mapped", "guessed", "left out", "refused"
 _SHAPE = "contact hardware is written by hand: member 'contact'"
 _DRAWN = "drawn only"
+_MESH = f"{_DRAWN}; of a mesh the report says the option of 'dockloop view'"
 _OTHER = "no part of the mechanics of joints"
 _EFFORT = "limits of drives: write a law 'drive' or 'motor'"
 _GUESSED_BALL = "three turns, singular at 90 degrees of the second; the cut R3 of a loop"
+_END = "a link, or the link to which a frame is attached"
 _STOP = "law 'stop'"
 _FRICTION = "law 'brake', a bristle with the default presliding"
 
@@ -33,13 +35,15 @@ SDF = {
     "link": Row(MAPPED, "a body"),
     "link/inertial": Row(MAPPED, "mass, centre of mass, inertia"),
     "link/inertial/fluid_added_mass": Row(REFUSED, "a fluid has no place in space"),
-    "link/visual": Row(LEFT_OUT, _DRAWN),
+    "link/visual": Row(LEFT_OUT, _MESH),
     "link/collision": Row(LEFT_OUT, _SHAPE),
     "link/light": Row(LEFT_OUT, _DRAWN),
     "link/sensor": Row(LEFT_OUT, _OTHER),
     "link/velocity_decay": Row(LEFT_OUT, "damping of the medium"),
     "link/gravity": Row(LEFT_OUT, "gravity acts on all bodies"),
     "joint": Row(MAPPED, "a joint: parent, child, pose, axes"),
+    "joint/parent": Row(MAPPED, _END),
+    "joint/child": Row(MAPPED, _END),
     "joint[fixed]": Row(MAPPED, "its bodies become one"),
     "joint[revolute]": Row(MAPPED, "a turn; the cut R1 or R1_planar of a loop"),
     "joint[continuous]": Row(MAPPED, "a turn; the cut R1 or R1_planar of a loop"),
@@ -79,7 +83,7 @@ SDF |= {key.replace("/axis/", "/axis2/"): row for key, row in SDF.items() if "/a
 URDF = {
     "link": Row(MAPPED, "a body"),
     "link/inertial": Row(MAPPED, "mass, centre of mass, inertia"),
-    "link/visual": Row(LEFT_OUT, _DRAWN),
+    "link/visual": Row(LEFT_OUT, _MESH),
     "link/collision": Row(LEFT_OUT, _SHAPE),
     "joint": Row(MAPPED, "a joint: parent, child, origin, axis"),
     "joint[fixed]": Row(MAPPED, "its bodies become one"),
@@ -108,6 +112,7 @@ MJCF = {
     "body/@gravcomp": Row(LEFT_OUT, "a force of the engine against gravity: no drive has it here"),
     "body/@mocap": Row(LEFT_OUT, "a body that a program moves: here it is fixed to its parent"),
     "body/geom": Row(LEFT_OUT, f"beyond mass and inertia; {_SHAPE}"),
+    "asset": Row(LEFT_OUT, _MESH),
     "body/site": Row(MAPPED, "resolved"),
     "body/camera": Row(LEFT_OUT, _DRAWN),
     "body/light": Row(LEFT_OUT, _DRAWN),
@@ -126,15 +131,16 @@ MJCF = {
     "equality/connect": Row(MAPPED, "the cut R3 or R1_planar of a loop"),
     "equality/weld": Row(MAPPED, "its bodies become one; another joint is cut"),
     "equality/joint": Row(MAPPED, "a coupling; terms beyond the linear one are refused"),
-    "equality/tendon": Row(REFUSED, "a coupling of tendons: write 'couplings' by hand"),
+    "equality/tendon": Row(MAPPED, "a coupling of the joints of fixed tendons; others are refused"),
     "equality/flex": Row(REFUSED, "bodies are rigid"),
     "deformable": Row(REFUSED, "bodies are rigid"),
-    "tendon": Row(LEFT_OUT, "write a force element along several joints"),
+    "tendon": Row(MAPPED, "by its kind"),
+    "tendon/fixed": Row(MAPPED, "its forces: an element along several joints"),
+    "tendon/spatial": Row(LEFT_OUT, "a path through space: write a force element along joints"),
     "actuator": Row(LEFT_OUT, "a drive: write a law 'drive' or 'motor'"),
     "sensor": Row(LEFT_OUT, _OTHER),
     "keyframe": Row(LEFT_OUT, "other poses: write 'home_q'"),
     "contact": Row(LEFT_OUT, _SHAPE),
-    "asset": Row(LEFT_OUT, _DRAWN),
     "visual": Row(LEFT_OUT, _DRAWN),
     "option": Row(
         LEFT_OUT,
@@ -160,7 +166,7 @@ def _list_parts(text: str, poses: str) -> frozenset[str]:
 
 SDF_PARTS = _list_parts(
     "link/@name link/pose link/inertial/pose link/inertial/mass link/inertial/inertia"
-    " joint/@name joint/@type joint/pose joint/parent joint/child joint/axis joint/axis/xyz"
+    " joint/@name joint/@type joint/pose joint/axis joint/axis/xyz"
     " joint/axis/xyz/@expressed_in joint/axis/use_parent_model_frame joint/axis/dynamics"
     " joint/axis/limit/lower joint/axis/limit/upper joint/axis/mimic/@joint joint/axis/mimic/@axis"
     " joint/axis/mimic/multiplier joint/axis/mimic/offset joint/axis/mimic/reference"

@@ -1,17 +1,21 @@
 """Writes the mechanism of a robot: bodies, loops with their dependent joints, couplings, forces."""
 
+import shlex
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from dockloop.base.errors import UsageError, did_you_mean
+from dockloop.base.mesh_option import MeshOption
 from dockloop.base.rotations import find_across
 from dockloop.exchange.constructs import GUESSED, LEFT_OUT, MAPPED
 from dockloop.exchange.robot import WORLD, Dof, Joint, Law, Robot
 from dockloop.exchange.tree import CUTS, Tree
+from dockloop.scene.hardware import find_quaternion
 
 BASE = "base"
+FORWARD = ("x", "y", "z", "-x", "-y", "-z")
 # Stiffness and toe of a stop for which the file has none: slides [N/m, m], turns [N m/rad, rad].
 STOPS = {"prismatic": (1e6, 1e-3), "revolute": (1e4, 1e-2)}
 _FAR = 1e6  # m or rad: where a stop is put that the file does not have
@@ -33,7 +37,9 @@ class _Body:
     coordinate: str = ""
 
 
-def write_document(robot: Robot, tree: Tree, ring: str | None, assemble: float) -> dict[str, Any]:
+def write_document(
+    robot: Robot, tree: Tree, ring: str | None, assemble: float, forward: str
+) -> dict[str, Any]:
     """Return the document of a mechanism, without home pose: that is zero, or near.
 
     Args:
@@ -41,6 +47,7 @@ def write_document(robot: Robot, tree: Tree, ring: str | None, assemble: float) 
         tree: its bodies and cuts.
         ring: the link that is the capture body.
         assemble: largest opening of a loop [m].
+        forward: axis of base and ring that becomes x, one of `FORWARD`.
 
     Raises:
         UsageError: a loop is open by more, or a part cannot be described.
@@ -50,7 +57,9 @@ def write_document(robot: Robot, tree: Tree, ring: str | None, assemble: float) 
         _check_gap(robot, joint, assemble)
     planes = [_find_plane(tree, joint, robot) for joint in tree.cuts]
     bodies: dict[str, _Body] = {}
-    base = _Body(BASE, "", "", tree.base.rotation, tree.base.origin, np.zeros(3))
+    turn = np.roll(np.eye(3), -"xyz".index(forward[-1]), axis=1)
+    turn = turn * ([-1.0, -1.0, 1.0] if forward[0] == "-" else 1.0)
+    base = _Body(BASE, "", "", tree.base.rotation @ turn, tree.base.origin, np.zeros(3))
     chains = {WORLD: [base]}  # bodies into which each one of the tree is split, from its parent on
     written: list[dict] = []
     for name, (joint, parent) in tree.edges.items():
@@ -66,12 +75,18 @@ def write_document(robot: Robot, tree: Tree, ring: str | None, assemble: float) 
         _write_loop(robot, tree, joint, plane, chains)
         for joint, plane in zip(tree.cuts, planes, strict=True)
     ]
+    for mesh in robot.meshes:
+        on = chains[tree.body_of[mesh.link]][-1]
+        attitude = find_quaternion(on.rotation.T @ mesh.rotation)
+        pose = np.array([*(on.rotation.T @ (mesh.origin - on.origin)), *attitude])
+        option = shlex.quote(MeshOption(on.name, mesh.file, pose, mesh.scale).write())
+        robot.report.say(LEFT_OUT, f"mesh of '{mesh.link}': dockloop view RESULT --mesh {option}")
     joints = {body.coordinate: body.name for body in bodies.values() if body.coordinate}
     couplings = [_write_coupling(robot, coupling, joints) for coupling in robot.couplings]
     _choose_dependents(loops, couplings, bodies)
     document: dict[str, Any] = {
         "name": robot.name,
-        "gravity": _list(tree.base.rotation.T @ robot.gravity),
+        "gravity": _list(base.rotation.T @ robot.gravity),
         "bodies": written,
         "loops": loops,
         "couplings": couplings,
@@ -83,7 +98,7 @@ def write_document(robot: Robot, tree: Tree, ring: str | None, assemble: float) 
         document["capture"] = {
             "body": body.name,
             "position": _list(body.rotation.T @ (link.origin - body.origin)),
-            "rotation": _list(body.rotation.T @ link.rotation),
+            "rotation": _list(body.rotation.T @ link.rotation @ turn),
         }
     return {key: value for key, value in document.items() if value != []}
 
@@ -372,6 +387,13 @@ def _write_forces(robot: Robot, tree: Tree, joints: dict[str, str]) -> list[dict
             if laws:
                 along = [{"joint": joints[dof.name]}]
                 elements.append({"name": dof.name, "along": along, "laws": laws})
+    for dof, terms in robot.tendons:
+        if lost := [name for name, _ in terms if name not in joints]:
+            what = f"forces of tendon '{dof.name}': the joint of '{lost[0]}' is cut"
+            robot.report.say(LEFT_OUT, what)
+            continue
+        sum_of = [{"joint": joints[name], "ratio": ratio} for name, ratio in terms]
+        elements.append({"name": dof.name, "along": sum_of, "laws": _write_laws(robot, dof)})
     return elements
 
 

@@ -19,6 +19,7 @@ _SIGN = "written by 'dockloop export'"
 _KIND = Kind("MJCF", "dockloop export", lambda path: _SIGN.encode() in read_head(path))
 _HARD = {"solref": "0.002 1", "solimp": "0.9999 0.9999 0.001"}  # equalities near rigid
 _ARM = 0.1  # m between the two points that hold the axis of a revolute cut
+_ROUNDED = 1e-9  # of a moment: flat bodies have one that is the sum of the others
 _SIX = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 _WRITTEN = {"comment", "name", "gravity", "bodies", "loops", "couplings", "forces", "home_q"}
 _WRITTEN |= {"legs", "leg_defaults"}  # as bodies and loops
@@ -49,8 +50,22 @@ def export_mechanism(mechanism: str | Path, output: str | Path) -> list[str]:
         raise UsageError(f"{path.name}: has no bodies to export")
     writer = _Writer(path.name, document)
     text = writer.write(home)
+    _check_accepted(path.name, text)
     write_text(Path(output), _KIND, text)
     return writer.report
+
+
+def _check_accepted(file: str, text: str) -> None:
+    """Raise UsageError if MuJoCo is here and refuses a model."""
+    try:
+        import mujoco
+    except ImportError:
+        return
+    try:
+        mujoco.MjModel.from_xml_string(text)
+    except ValueError as error:
+        why = " ".join(str(error).split())
+        raise UsageError(f"{file}: MuJoCo does not accept what it would become: {why}") from None
 
 
 def _words(values: Any) -> str:
@@ -126,7 +141,7 @@ class _Writer:
         for body, (turn, at) in zip(chain, frames, strict=True):
             self._write_joint(element, body, rotation.T @ turn, rotation.T @ (at - origin))
             self.home_of[body["name"]] = (element, rotation.T @ turn, rotation.T @ (at - origin))
-        inertia = np.array(last.get("inertia", np.zeros((3, 3))), float)
+        inertia = self._make_valid(last)
         numbers = {
             "pos": _words(last.get("com", (0, 0, 0))),
             "mass": repr(float(last.get("mass", 0.0))),
@@ -136,6 +151,17 @@ class _Writer:
         self._hang(last["name"], element)
         for body in chain[:-1]:
             del self.home_of[body["name"]]  # nothing can be fixed to what has no mass
+
+    def _make_valid(self, body: dict) -> np.ndarray:
+        """Return the inertia of a body, rounded so that MuJoCo takes it. Raises UsageError."""
+        inertia = np.array(body.get("inertia", np.zeros((3, 3))), float)
+        a, b, c = np.linalg.eigvalsh(inertia)
+        if c - a - b > _ROUNDED * c:
+            raise UsageError(
+                f"{self.file}: body '{body['name']}' has the principal moments {a:.6g}, {b:.6g} and"
+                f" {c:.6g} kg m2: MuJoCo needs the last to be at most the sum of the others"
+            )
+        return inertia + max(c - a - b + 1e-12 * c, 0.0) * np.eye(3)
 
     def _write_joint(self, element: Element, body: dict, turn: np.ndarray, at: np.ndarray) -> None:
         joint, name = body["joint"], body["name"]

@@ -14,7 +14,7 @@ from dockloop.base.files import Kind, write_text
 from dockloop.base.number import check_number
 from dockloop.base.paths import check_file, shown
 from dockloop.exchange.constructs import FORMATS, GUESSED
-from dockloop.exchange.document import write_document
+from dockloop.exchange.document import FORWARD, write_document
 from dockloop.exchange.mjcf import read_mjcf
 from dockloop.exchange.robot import Robot
 from dockloop.exchange.sdf import read_sdf
@@ -50,6 +50,7 @@ def import_mechanism(
     ring: str | None = None,
     cut: str | Sequence[str] = (),
     assemble: float = ASSEMBLE,
+    forward: str = "x",
 ) -> Imported:
     """Read MJCF, URDF or SDF, and return (and write) the mechanism.
 
@@ -60,6 +61,7 @@ def import_mechanism(
         ring: link that becomes the capture body.
         cut: joints to cut, each of one loop; default: those that leave the shortest chains.
         assemble: largest opening of a loop [m] that is closed, at the pose of the file.
+        forward: axis of base and ring that points at the other vehicle: ``"z"``, ``"-x"``, ...
 
     Raises:
         UsageError: naming file, part and remedy.
@@ -67,12 +69,14 @@ def import_mechanism(
     """
     if not check_number("--assemble", assemble) >= 0.0:
         raise UsageError(f"--assemble is {assemble:g} m: must be at least 0")
+    if forward not in FORWARD:
+        raise UsageError(f"--forward {forward}: must be one of {', '.join(FORWARD)}")
     path = Path(file)
     if output is not None:
         _check_output(Path(output))
     robot = _read(path)
     tree = make_tree(robot, base, ring, [cut] if isinstance(cut, str) else list(cut))
-    document = write_document(robot, tree, ring, assemble)
+    document = write_document(robot, tree, ring, assemble, forward)
     schema.check(document, "mechanism", path)
     try:
         checked = core.check(document, path)

@@ -17,14 +17,17 @@ from dockloop.exchange.robot import (
     Joint,
     Law,
     Link,
+    Mesh,
     Report,
     Robot,
+    Tendon,
     find_row,
     make_ball,
     rotate_quaternion,
 )
 
 _FREE, _BALL, _SLIDE = 0, 1, 2  # kinds of joints, as compiled
+_WRAPS_JOINT, _MESH = 1, 7  # parts of tendons, shapes
 _PHYSICS = {"gravity", "equality", "constraint", "limit", "frictionloss", "spring", "damper"}
 _CLOSED = 1e-6  # m or 1: a weld that is open by less holds
 
@@ -66,7 +69,10 @@ def read_mjcf(file: str, path: Path) -> Robot:
             robot.report.meet("body/@mocap")
     for i in range(1, m.nbody):
         robot.add_joint(_read_joint(m, data, i, names, robot.report))
+    _read_meshes(spec, m, data, robot)
     _read_equalities(mujoco, m, data, names, robot)
+    for t in range(m.ntendon):
+        _read_tendon(m, t, robot)
     return robot
 
 
@@ -99,13 +105,15 @@ def _switch_off(mujoco: Any, m: Any, robot: Robot) -> None:
     if off & {"equality", "constraint"}:
         m.eq_active0[:] = 0
     if off & {"limit", "constraint"}:
-        m.jnt_limited[:] = 0
+        m.jnt_limited[:] = m.tendon_limited[:] = 0
     if off & {"frictionloss", "constraint"}:
-        m.dof_frictionloss[:] = 0.0
+        m.dof_frictionloss[:] = m.tendon_frictionloss[:] = 0.0
     if "spring" in off:
-        m.jnt_stiffness[:], m.jnt_stiffnesspoly[:] = 0.0, 0.0
+        m.jnt_stiffness[:] = m.jnt_stiffnesspoly[:] = 0.0
+        m.tendon_stiffness[:] = m.tendon_stiffnesspoly[:] = 0.0
     if "damper" in off:
-        m.dof_damping[:], m.dof_dampingpoly[:] = 0.0, 0.0
+        m.dof_damping[:] = m.dof_dampingpoly[:] = 0.0
+        m.tendon_damping[:] = m.tendon_dampingpoly[:] = 0.0
     for name in sorted(off & _PHYSICS):
         robot.report.say(MAPPED, f"option/flag: {name} is switched off")
 
@@ -159,6 +167,49 @@ def _read_law(m: Any, j: int, name: str, report: Report) -> Law:
     return law
 
 
+def _read_meshes(spec: Any, m: Any, data: Any, robot: Robot) -> None:
+    """Add the files of shapes; MuJoCo has moved their axes to the centre of mass."""
+    folder, names = Path(robot.report.file).parent / spec.meshdir, [WORLD, *robot.links]
+    for geom in range(m.ngeom):
+        if m.geom_type[geom] == _MESH:
+            mesh = int(m.geom_dataid[geom])
+            turn = data.geom_xmat[geom].reshape(3, 3) @ rotate_quaternion(m.mesh_quat[mesh]).T
+            origin = data.geom_xpos[geom] - turn @ m.mesh_pos[mesh]
+            file, scale = str(folder / spec.meshes[mesh].file), m.mesh_scale[mesh].copy()
+            robot.meshes.append(Mesh(names[m.geom_bodyid[geom]], file, turn, origin, scale))
+
+
+def _find_terms(m: Any, tendon: int) -> dict[str, float]:
+    """Return the joints of a fixed tendon, each with its coefficient; of a spatial one nothing."""
+    parts = range(m.tendon_adr[tendon], m.tendon_adr[tendon] + m.tendon_num[tendon])
+    joints = [i for i in parts if m.wrap_type[i] == _WRAPS_JOINT]
+    return {m.joint(m.wrap_objid[i]).name: float(m.wrap_prm[i]) for i in joints}
+
+
+def _read_tendon(m: Any, t: int, robot: Robot) -> None:
+    """Add the forces of a fixed tendon, counted from the pose of the file."""
+    terms = _find_terms(m, t)
+    name, report = m.tendon(t).name or f"tendon{t + 1}", robot.report
+    stiffness, damping = float(m.tendon_stiffness[t]), float(m.tendon_damping[t])
+    (start, end), zero = m.tendon_lengthspring[t], m.tendon_length0[t]
+    law = Law(damping=damping, stiffness=stiffness, rest=float(start - zero))
+    law.friction = float(m.tendon_frictionloss[t])
+    if m.tendon_limited[t]:
+        law.lower, law.upper = (float(limit - zero) for limit in m.tendon_range[t])
+    if law.is_empty():
+        return
+    if not terms or (stiffness and start != end):
+        why = "a spring with play" if terms else "a path through space"
+        report.say(LEFT_OUT, f"forces of tendon '{name}': {why}")
+        return
+    if np.any(m.tendon_dampingpoly[t]) or np.any(m.tendon_stiffnesspoly[t]):
+        report.say(LEFT_OUT, f"tendon '{name}': damping and stiffness beyond the linear term")
+    joint = m.joint(next(iter(terms)))
+    kind = "prismatic" if joint.type[0] == _SLIDE else "revolute"
+    along = Dof(name, kind, np.zeros(3), np.zeros(3), law)
+    robot.tendons.append(Tendon(along, list(terms.items())))
+
+
 def _read_equalities(mujoco: Any, m: Any, data: Any, names: list[str], robot: Robot) -> None:
     kinds, site = mujoco.mjtEq, mujoco.mjtObj.mjOBJ_SITE
     file = robot.report.file
@@ -169,8 +220,13 @@ def _read_equalities(mujoco: Any, m: Any, data: Any, names: list[str], robot: Ro
             robot.report.say(LEFT_OUT, f"equality '{name}' is not active")
             continue
         ends = [int(m.eq_obj1id[i]), int(m.eq_obj2id[i])]
-        if kind == kinds.mjEQ_JOINT:
-            robot.couplings.append(_read_coupling(file, name, m, ends, numbers))
+        if kind in (kinds.mjEQ_JOINT, kinds.mjEQ_TENDON):
+            is_joint = kind == kinds.mjEQ_JOINT
+            first, second = (
+                ({m.joint(end).name: 1.0} if is_joint else _find_terms(m, end)) if end >= 0 else {}
+                for end in ends
+            )
+            robot.couplings.append(_read_coupling(robot, name, first, second, numbers))
             continue
         if kind not in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
             raise UsageError(f"{file}: equality '{name}' cannot be mapped: write it by hand")
@@ -197,13 +253,26 @@ def _read_equalities(mujoco: Any, m: Any, data: Any, names: list[str], robot: Ro
         robot.add_joint(joint)
 
 
-def _read_coupling(file: str, name: str, m: Any, ends: list[int], numbers: np.ndarray) -> Coupling:
-    """Return q1 = a0 + a1 q2, both from the pose of the file."""
+def _read_coupling(
+    robot: Robot, name: str, first: dict[str, float], second: dict[str, float], numbers: np.ndarray
+) -> Coupling:
+    """Return the sum of the first = a0 + a1 x that of the second, all from the pose of the file."""
+    file = robot.report.file
     if np.any(numbers[2:5]):
         raise UsageError(
             f"{file}: equality '{name}' has the polynomial {numbers[:5].tolist()}: only the first"
             " two coefficients can be mapped, since ratios of couplings are constant"
         )
-    first, second = (m.joint(j).name if j >= 0 else "" for j in ends)
-    terms = [(second, float(numbers[1]))] if second and numbers[1] else []
-    return Coupling(name, first, terms, float(numbers[0]))
+    weights = first | {
+        joint: first.get(joint, 0.0) - numbers[1] * ratio for joint, ratio in second.items()
+    }
+    taken = {coupling.dependent for coupling in robot.couplings}
+    dependent = next((joint for joint, w in weights.items() if w and joint not in taken), None)
+    if dependent is None:
+        raise UsageError(
+            f"{file}: equality '{name}' cannot be mapped: it needs a joint that no other equality"
+            " determines, and spatial tendons have none"
+        )
+    whole = weights.pop(dependent)
+    terms = [(joint, float(-weight / whole)) for joint, weight in weights.items() if weight]
+    return Coupling(name, dependent, terms, float(numbers[0] / whole))

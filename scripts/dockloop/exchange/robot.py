@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Set
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -27,6 +28,7 @@ from dockloop.exchange.constructs import (
 )
 
 _INFINITE = re.compile(r"([+-]?)inf(?:inity)?", re.IGNORECASE)
+Pose = tuple[np.ndarray, np.ndarray]  # rotation, origin
 WORLD = "world"  # the link that does not move
 
 
@@ -84,6 +86,16 @@ class Link:
     inertia: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
 
 
+class Mesh(NamedTuple):
+    """A file that draws a link: where its axes are, and its scale along them."""
+
+    link: str
+    file: str
+    rotation: np.ndarray
+    origin: np.ndarray
+    scale: np.ndarray
+
+
 @dataclass
 class Coupling:
     """Coordinate of ``dependent`` = offset + sum of ratio x coordinate; names of `Dof`."""
@@ -92,6 +104,13 @@ class Coupling:
     dependent: str
     terms: list[tuple[str, float]]
     offset: float = 0.0
+
+
+class Tendon(NamedTuple):
+    """Forces along a sum of ratio x coordinate of joints; `along` has the laws."""
+
+    along: Dof
+    terms: list[tuple[str, float]]
 
 
 class Report:
@@ -156,6 +175,8 @@ class Robot:
     links: dict[str, Link] = field(default_factory=dict)
     joints: list[Joint] = field(default_factory=list)
     couplings: list[Coupling] = field(default_factory=list)
+    tendons: list[Tendon] = field(default_factory=list)
+    meshes: list[Mesh] = field(default_factory=list)
     gravity: np.ndarray = field(default_factory=lambda: np.zeros(3))
     base: str = WORLD
 
@@ -164,6 +185,12 @@ class Robot:
         if link.name in self.links:
             raise UsageError(f"{self.report.file}: the link '{link.name}' is there twice")
         self.links[link.name] = link
+
+    def add_mesh(self, link: str, node: "Node", file: str, pose: Pose, scale: str) -> None:
+        """Add what an element of a file draws; packages of other tools lie next to the file."""
+        rest = re.sub(r"^(package|model)://[^/]*/|^file://", "", file)
+        path = str(Path(self.report.file).parent / rest)
+        self.meshes.append(Mesh(link, path, *pose, node.numbers(scale, "scale", 3)))
 
     def add_joint(self, joint: Joint) -> None:
         """Add a joint between links that are there. Raises UsageError."""

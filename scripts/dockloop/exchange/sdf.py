@@ -17,6 +17,7 @@ from dockloop.exchange.robot import (
     Law,
     Link,
     Node,
+    Pose,
     Report,
     Robot,
     make_ball,
@@ -25,7 +26,6 @@ from dockloop.exchange.robot import (
     rotate_rpy,
 )
 
-Pose = tuple[np.ndarray, np.ndarray]  # rotation, origin
 _MODEL = "__model__"
 _NO_LIMIT = 1e15  # limits beyond are none: the default of the format is 1e16
 _AXES = {"revolute": 1, "continuous": 1, "prismatic": 1, "universal": 2, "revolute2": 2}
@@ -45,6 +45,7 @@ def read_sdf(file: str, root: Element) -> Robot:
     place = _find_frames(model)
     for node in model.all("link"):
         robot.add_link(_read_link(node, place, robot.report))
+        _read_meshes(node, place, robot)
     nodes = {node.name(): node for node in model.all("joint")}
     for node in nodes.values():
         if (kind := node.attribute("type")) != "gearbox":
@@ -87,7 +88,7 @@ def _read_world(root: Element, model: Node, robot: Robot) -> None:
 
 
 def _find_frames(model: Node) -> Callable[[str], Pose]:
-    """Return what gives the pose of a link, joint or frame in the model."""
+    """Return what gives the pose of a link, joint or frame in the model; joints then name links."""
     nodes: dict[str, Node] = {}
     for tag in ("link", "joint", "frame"):
         for node in model.all(tag):
@@ -109,6 +110,26 @@ def _find_frames(model: Node) -> Callable[[str], Pose]:
         start = default.get(node.element.tag, lambda: node.element.get("attached_to") or _MODEL)()
         return _place(node, start, find)
 
+    def find_link(name: str) -> str:
+        seen: set[str] = set()
+        while True:
+            if name == _MODEL:
+                links = [link.name() for link in model.all("link")]
+                name = model.element.get("canonical_link") or next(iter(links), WORLD)
+            node = nodes.get(name)
+            if node is None or node.element.tag == "link":  # what is not there is refused later
+                return name
+            if name in seen:
+                raise node.fail("is attached to itself")
+            seen.add(name)
+            is_joint = node.element.tag == "joint"
+            name = node.text("child") if is_joint else node.element.get("attached_to") or _MODEL
+
+    for joint in model.all("joint"):
+        find(joint.name())  # stands where the frame of its child is, which is no more named then
+        for tag in ("parent", "child", "gearbox_reference_body"):
+            if end := joint.find(tag):
+                end.element.text = find_link(joint.text(tag))
     return find
 
 
@@ -154,6 +175,13 @@ def _read_link(node: Node, place: Callable, report: Report) -> Link:
     six = [inertial.value(f"inertia/{key}", float(key in SIX[:3])) for key in SIX]
     link.inertia = turn @ make_symmetric(six) @ turn.T
     return link
+
+
+def _read_meshes(link: Node, place: Callable, robot: Robot) -> None:
+    for visual in link.all("visual"):
+        if mesh := visual.find("geometry/mesh"):
+            pose, scale = _place(visual, link.name(), place), mesh.text("scale", "1 1 1")
+            robot.add_mesh(link.name(), mesh, mesh.text("uri"), pose, scale)
 
 
 def _read_joint(node: Node, kind: str, robot: Robot, place: Callable) -> Joint:

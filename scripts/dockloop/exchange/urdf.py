@@ -47,7 +47,14 @@ def read_urdf(file: str, root: Element) -> Robot:
         raise model.fail(f"has {len(roots)} links without parent: a tree has one")
     robot.base = roots[0]
     for node in model.all("link"):
-        robot.add_link(_read_link(node, above, links))
+        link = _read_link(node, above, links)
+        robot.add_link(link)
+        for visual in node.all("visual"):
+            if mesh := visual.find("geometry/mesh"):
+                turn, step = _read_origin(visual)
+                pose = link.rotation @ turn, link.origin + link.rotation @ step
+                scale = mesh.attribute("scale", "1 1 1")
+                robot.add_mesh(link.name, mesh, mesh.attribute("filename"), pose, scale)
     for node in model.all("joint"):
         robot.add_joint(_read_joint(node, robot))
         if mimic := node.find("mimic"):

@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
+from xml.etree.ElementTree import Element
 
 from dockloop.base.errors import UsageError, did_you_mean
 from dockloop.base.files import read_entry
@@ -39,6 +40,7 @@ class Package:
         links: its connections.
         values: parameter values by component and variable.
         docking: component that is a docking of this program.
+        notes: what was not read.
     """
 
     def __init__(self, path: Path) -> None:
@@ -49,22 +51,14 @@ class Package:
         self.place = shown(path)
         self.fmus: dict[str, Description] = {}
         self.values: dict[str, dict[str, str]] = {}
+        self.notes: list[str] = []
+        above = {child: element for element in root.iter() for child in element}
         dockings = []
         for component in root.iter(f"{_SSD}Component"):
             name, source = component.get("name", ""), component.get("source", "")
             content = _read(path, source)
             self.fmus[name] = Description(io.BytesIO(content), f"{self.place}: {source}")
-            sets = [component]
-            for binding in component.iter(f"{_SSD}ParameterBinding"):
-                if file := binding.get("source"):
-                    with reading(path, "an SSP package", "elements"):
-                        sets.append(parse_xml(_read(path, file), file))
-            self.values[name] = {
-                p.get("name", ""): p[0].get("value", "")
-                for each in sets
-                for p in each.iter(f"{SSV}Parameter")
-                if len(p)
-            }
+            self.values[name] = self._read_values(path, component, above)
             if _is_docking(content):
                 dockings.append(name)
         if len(dockings) != 1:
@@ -74,6 +68,34 @@ class Package:
         self.links = [
             Link(*(line.get(key, "") for key in keys)) for line in root.iter(f"{_SSD}Connection")
         ]
+
+    def _read_values(
+        self, package: Path, component: Element, above: dict[Element, Element]
+    ) -> dict[str, str]:
+        """Return values by variable of a component: its own, then those of the systems around it.
+
+        Later ones win. The names of a system begin with those of the elements below it.
+        """
+        values: dict[str, str] = {}
+        element: Element | None = component
+        path = ""
+        while element is not None:
+            for binding in element.iterfind(f"{_SSD}ParameterBindings/{_SSD}ParameterBinding"):
+                file = binding.get("source", "")
+                if binding.find(f"{_SSD}ParameterMapping") is not None:
+                    where = f"'{element.get('name', '')}'{file and f' ({file})'}"
+                    note = f"values of {where} are mapped to other names: not read, not judged"
+                    self.notes += [note] if note not in self.notes else []
+                    continue
+                with reading(package, "an SSP package", "elements"):
+                    found = parse_xml(_read(package, file), file) if file else binding
+                for p in found.iter(f"{SSV}Parameter"):
+                    name = binding.get("prefix", "") + p.get("name", "")
+                    if len(p) and name.startswith(path):
+                        values[name.removeprefix(path)] = p[0].get("value", "")
+            path = f"{element.get('name', '')}.{path}"
+            element = above.get(above.get(element, element))
+        return values
 
 
 def _read(package: Path, entry: str) -> bytes:
@@ -99,7 +121,7 @@ def check_ssp(path: Path) -> dict:
 
     Returns:
         ``components``, ``connections`` (counts), ``docking`` (name of its component), ``faults``
-        (sentences; none: the package is right).
+        (sentences; none: the package is right), ``notes`` (what was not judged).
 
     Raises:
         UsageError: it is no package, or has no docking.
@@ -112,6 +134,7 @@ def check_ssp(path: Path) -> dict:
         "connections": len(package.links),
         "docking": package.docking,
         "faults": faults,
+        "notes": package.notes,
     }
 
 
@@ -218,4 +241,5 @@ def report_package(found: dict) -> list[Section]:
     return [
         Section(f"{found['package']}: {verdict}", table=[FACTS, *facts]),
         Section("faults", points=found["faults"]),
+        Section("notes", points=found["notes"]),
     ]

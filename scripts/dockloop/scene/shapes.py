@@ -10,7 +10,7 @@ from dockloop.base.rotations import find_matrix
 from dockloop.scene.hardware import list_active, list_hooks, make_hardware
 from dockloop.scene.sheet import Drawing, Vector, View
 
-_STRAIGHT = 1e-9  # m: nearer to a line is on it
+_STRAIGHT = 1e-4  # m: nearer to a line is on it; files of other tools have rounded numbers
 
 
 def find_body_places(
@@ -69,12 +69,10 @@ def list_legs(mechanism: dict) -> list[dict]:
         kinds = [joint["type"] for joint in joints]
         if kinds != ["revolute", "revolute", "prismatic"] or loop["cut"]["type"] != "R3":
             continue
-        rotation, position = places[loop["terminal"]]
-        end = rotation @ np.array(loop["cut"]["point_on_terminal"], float)
-        root = np.array(joints[0].get("position", (0, 0, 0)), float)
-        apart = [*(places[body["name"]][1] - position for body in chain)]
-        apart.append(np.cross(end, rotation @ np.array(joints[2]["axis"], float)))
-        if np.max(np.abs(apart)) > _STRAIGHT:
+        (_, foot), (_, second), (rotation, position) = (places[body["name"]] for body in chain)
+        way = position + rotation @ np.array(loop["cut"]["point_on_terminal"], float) - foot
+        axis = rotation @ np.array(joints[2]["axis"], float)
+        if np.max(np.abs([second - foot, np.cross(way, axis)])) > _STRAIGHT:
             continue
         names = {body["name"] for body in chain}
         names |= {name for name, body in bodies.items() if body["parent"] in names}
@@ -82,10 +80,10 @@ def list_legs(mechanism: dict) -> list[dict]:
             {
                 "name": names_of_slides.get(loop["terminal"], loop["name"]),
                 **{key: loop[key] for key in ("root", "closing")},
-                "root_point": root.tolist(),
+                "root_point": list(joints[0].get("position", (0, 0, 0))),
                 "closing_point": loop["cut"]["point_on_closing"],
                 "bodies": sorted(names),
-                "length": float(np.linalg.norm(end)),
+                "length": float(np.linalg.norm(way)),
             }
         )
     return legs

@@ -43,7 +43,7 @@ def write_views(sweep: Sweep, planner: Planner, table: Any, output: Path) -> dic
 
 
 def view_sweep(
-    table: Path, output: Path, options: argparse.Namespace, meshes: dict[str, Path]
+    table: Path, output: Path, options: argparse.Namespace, meshes: list[tuple[str, dict]]
 ) -> str:
     """Run cases of a sweep again and write one page for each."""
     from dockloop.sweeps.table import open_table, read_table_metadata

@@ -7,10 +7,10 @@ from dockloop.base.errors import UsageError
 from dockloop.base.files import claim
 from dockloop.base.paths import shown
 from dockloop.fmu.state import read_state
-from dockloop.native.variables import VEHICLES
 from dockloop.result.files import read_result
 from dockloop.result.summary import RESULT
 from dockloop.view.cases import view_sweep
+from dockloop.view.mesh import read_mesh
 from dockloop.view.write import list_files, write_files
 
 
@@ -34,7 +34,7 @@ def view(options: argparse.Namespace) -> str:
         what = {".png": "stills", ".mp4": "a film", ".html": "a page"}[suffix]
         hint = "" if suffix != ".html" else "; pictures: --still or --film"
         raise UsageError(f"-o {output}: must end in {suffix} for {what}{hint}")
-    meshes = _parse_meshes(options.meshes)
+    meshes = [read_mesh(text) for text in options.meshes]
     if source.suffix == ".parquet" and not _is_run(source):
         if options.model:
             raise UsageError("--model: the table of a sweep holds its model")
@@ -74,14 +74,3 @@ def _is_run(source: Path) -> bool:
 
 def _name(source: Path, suffix: str) -> Path:
     return source.parent / f"{source.stem}_view{suffix}"  # `with_name` fails for "."
-
-
-def _parse_meshes(texts: list[str]) -> dict[str, Path]:
-    """Return the meshes by vehicle."""
-    meshes = {}
-    for text in texts:
-        vehicle, equals, file = text.partition("=")
-        if not equals or vehicle not in VEHICLES or not file:
-            raise UsageError(f"--mesh {text}: must be chaser=FILE.stl or target=FILE.stl")
-        meshes[vehicle] = Path(file)
-    return meshes

@@ -7,12 +7,23 @@ file. A vehicle is a homogeneous box with its mass and inertia, or a mesh that t
 Poses are pairs ``{"p": [x, y, z], "q": [w, x, y, z]}``, quaternions as in the FMU.
 """
 
+from pathlib import Path
+
 import numpy as np
 
-from dockloop.base.rotations import conjugate, invert_poses, make_symmetric, multiply, turn
+from dockloop.base.rotations import (
+    conjugate,
+    invert_poses,
+    join_poses,
+    make_symmetric,
+    multiply,
+    turn,
+)
+from dockloop.native import core
 from dockloop.scene.hardware import find_extent, find_quaternion, list_hooks, make_hardware
 from dockloop.scene.shapes import find_body_places, list_legs
 
+_HERE = np.array([[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]])
 _PORT = 0.2  # clearance of a vehicle's box from its mating plane over the extent
 
 
@@ -26,7 +37,7 @@ def make_geometry(document: dict, parameters: dict[str, float]) -> dict:
     Returns:
         Members ``base`` (its pose in axes of A), ``vehicles``, those of `make_hardware`, ``hooks``
         (symbols of latches), ``extent`` [m], ``contact``, ``legs``, ``capture_body``,
-        ``capture_body_in_G``, ``bodies``.
+        ``capture_body_in_G``, ``meshes``, ``bodies``.
     """
     mechanism = document["mechanism"]
     legs = _list_legs(mechanism)
@@ -54,34 +65,69 @@ def make_geometry(document: dict, parameters: dict[str, float]) -> dict:
         "legs": legs,
         "capture_body": mechanism.get("capture", {}).get("body", "base"),
         "capture_body_in_G": _place_body_in_ring(mechanism.get("capture", {})),
-        "bodies": [
-            {"name": body["name"], "parent": body["parent"]} for body in mechanism.get("bodies", [])
-        ],
+        "meshes": [],
+        "bodies": [_describe_body(body, mechanism) for body in mechanism.get("bodies", [])],
     }
 
 
-def place_bodies(mechanism: dict, coordinates: np.ndarray) -> dict[str, np.ndarray] | None:
-    """Return poses of all bodies from the independent coordinates, if these are all there are.
+def _describe_body(body: dict, mechanism: dict) -> dict:
+    """Return what is drawn of a body: its axes if it has a mass, lines to where loops end on it."""
+    loops = (loop for loop in mechanism.get("loops", []) if loop["terminal"] == body["name"])
+    return {
+        "name": body["name"],
+        "parent": body["parent"],
+        "is_named": bool(body.get("mass")),
+        "ends": [loop["cut"]["point_on_terminal"] for loop in loops],
+    }
+
+
+def place_bodies(
+    mechanism: dict, times: np.ndarray, coordinates: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Return poses of all bodies, those of legs among them; the core closes loops and couplings.
 
     Args:
         mechanism: its description.
-        coordinates: ``state.q``, one row per sample.
+        times: of the samples [s]; some couplings move with time.
+        coordinates: ``state.q``, the independent ones, one row per sample.
 
     Returns:
-        For every body rows of position and quaternion in axes of the base; None: some joint
-        coordinates depend on others and were not recorded.
+        For every body rows of position and quaternion in axes of the base.
+
+    Raises:
+        UsageError: loops cannot be closed there.
     """
-    bodies = mechanism.get("bodies", [])
-    count = sum(7 if body["joint"]["type"] == "free" else 1 for body in bodies)
-    if not bodies or count > coordinates.shape[1] or mechanism.get("loops"):
-        return None
-    coordinates = coordinates[:, :count]  # those of parts of the chaser come last
-    rows: dict[str, list] = {body["name"]: [] for body in bodies}
-    for q in coordinates:
-        for name, (rotation, position) in find_body_places(mechanism, q.tolist()).items():
-            if name != "base":
-                rows[name].append([*position, *find_quaternion(rotation)])
-    return {name: np.array(poses) for name, poses in rows.items()}
+    source = Path(mechanism["name"])
+    checked, bodies = (core_of(mechanism, source) for core_of in (core.check, core.expand))
+    columns, end = {}, 0
+    for body in bodies["bodies"]:
+        end, start = end + (7 if body["joint"]["type"] == "free" else 1), end
+        columns[body["name"]] = slice(start, end)
+    q = np.tile(checked["home_q"], (len(times), 1))
+    chosen = np.r_[tuple(columns[name] for name in checked["independent"])]
+    q[:, chosen] = coordinates[:, : len(chosen)]  # those of parts of the chaser come last
+    if bodies["loops"] or bodies["couplings"]:
+        rest = {"v_independent": [0.0] * checked["degrees_of_freedom"]}
+        rest["tau"] = [0.0] * checked["tree_velocities"]
+        states = [
+            {"time": time, "q": row, **rest}
+            for time, row in zip(times.tolist(), q.tolist(), strict=True)
+        ]
+        closed = core.evaluate(mechanism, source, {"states": states}, Path("result"))
+        q = np.array([state["q"] for state in closed])
+    poses = {"base": _HERE}
+    for body in bodies["bodies"]:
+        joint, at = body["joint"], q[:, columns[body["name"]]]
+        placed = {"p": joint["position"], "q": find_quaternion(np.array(joint["rotation"]))}
+        steps = at if joint["type"] == "free" else np.tile(_HERE, (len(q), 1))
+        if joint["type"] == "prismatic":
+            steps[:, :3] = at * joint["axis"]
+        elif joint["type"] == "revolute":
+            steps[:, 3:] = np.hstack([np.cos(at / 2.0), np.sin(at / 2.0) * joint["axis"]])
+        frame = join_poses(poses[body["parent"]], as_row(placed))
+        poses[body["name"]] = join_poses(frame, steps)
+    del poses["base"]
+    return poses
 
 
 def as_row(pose: dict) -> np.ndarray:
@@ -174,11 +220,13 @@ def _list_legs(mechanism: dict) -> list[dict]:
     """Return what is drawn of the legs."""
     legs = []
     places = find_body_places(mechanism)
+    numbers = {leg["name"]: i for i, leg in enumerate(mechanism.get("legs", []), start=1)}
     for leg in list_legs(mechanism):
         stops = {} if "pin" in leg else leg.get("stops") or {}
         legs.append(
             {
                 **{key: leg[key] for key in ("name", "root", "closing")},
+                "number": numbers.get(leg["name"], 0),  # of the outputs; 0: it has none
                 **{key: [float(x) for x in leg[key]] for key in ("root_point", "closing_point")},
                 **{key: stops[key] for key in ("min_length", "max_length") if key in stops},
                 **{key: leg[key] for key in ("bodies", "length") if key in leg},

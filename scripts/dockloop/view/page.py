@@ -7,6 +7,7 @@ page stays below 5 MB: of long results some samples are taken, those of all even
 import base64
 import json
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
@@ -15,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from dockloop.base import palette, rotations
-from dockloop.base.errors import DockloopError, UsageError
+from dockloop.base.errors import DockloopError, UsageError, did_you_mean
 from dockloop.base.files import Kind, read_head, writing
 from dockloop.base.number import say_number
 from dockloop.base.paths import shown
@@ -27,7 +28,6 @@ from dockloop.report.run import say_outcome
 from dockloop.result.peaks import find_peak
 from dockloop.result.recording import Result
 from dockloop.view import geometry, parts
-from dockloop.view.mesh import read_mesh
 
 COMMAND = "dockloop view"
 TOLERANCE = 1e-4  # the shapes of the scene must fit what was recorded so well [m]
@@ -61,7 +61,7 @@ def write_page(
     path: Path,
     *,
     command: str | None = None,
-    meshes: dict[str, Path] | None = None,
+    meshes: Sequence[tuple[str, dict]] = (),
 ) -> dict:
     """Write the page of a recorded docking.
 
@@ -69,21 +69,20 @@ def write_page(
         run: what was recorded.
         path: the file, ``.html``.
         command: what repeats the run, shown in the page.
-        meshes: STL files by vehicle, in metres and in the body frame of the vehicle.
+        meshes: of `dockloop.view.mesh.read_mesh`, of vehicles and bodies.
 
     Returns:
         ``bytes``, ``samples``, ``every`` (one of so many was taken) and ``fit`` [m], the largest
         difference between drawn and recorded leg lengths and latch openings.
 
     Raises:
-        UsageError: the scene does not fit the result, or a mesh is too large.
+        UsageError: the scene does not fit the result, or a mesh has no place or is too large.
         DockloopError: the page cannot be written.
     """
     data = make_data(run, command)
-    for vehicle, mesh in (meshes or {}).items():
-        if vehicle not in data["geometry"]["vehicles"]:
-            raise UsageError(f"--mesh {vehicle}={shown(mesh)}: the scene has no {vehicle}")
-        data["geometry"]["vehicles"][vehicle]["mesh"] = read_mesh(mesh)
+    for name, _ in meshes:
+        _check_place(name, run, data)
+    data["geometry"]["meshes"] = meshes
     text = fill_template(data)
     size = len(text.encode())
     if size > _PAGE_LIMIT:
@@ -96,22 +95,40 @@ def write_page(
     return {"bytes": size, **{k: data["meta"][k] for k in ("samples", "every", "fit")}}
 
 
+def _check_place(name: str, run: Result, data: dict) -> None:
+    """Raise UsageError: what a mesh draws is not in the scene, or its pose was not recorded."""
+    shapes, columns = data["geometry"], data["columns"]
+    fixed = [*shapes["vehicles"], "base"]
+    known = [*fixed, *(body["name"] for body in shapes["bodies"])]
+    if name not in known:
+        near = did_you_mean(name, known)
+        raise UsageError(
+            f"--mesh {name}: the scene '{run.scene['name']}' has no such vehicle or body{near}; it"
+            f" has {', '.join(known)}"
+        )
+    pose = "pose.ring" if name == shapes["capture_body"] else f"pose.body.{name}"
+    if name not in fixed and pose not in columns:
+        raise UsageError(f"--mesh {name}: its pose needs the group 'states' in [outputs] groups")
+
+
 def make_data(run: Result, command: str | None = None) -> dict:
     """Return all that a page holds: ``meta``, ``geometry``, ``events``, ``columns``."""
     shapes = geometry.make_geometry(run.scene, run.parameters)
     shapes["parts"] = parts.list_parts(run.scene)
-    poses, notes = _find_poses(run, shapes)
-    fit = _check_fit(run, poses, shapes)
     times = run["time"]
-    chosen = {name: run[name] for name in run.names if _SHOWN.fullmatch(name)}
+    names = [name for name in run.names if _SHOWN.fullmatch(name)]
     events = find_events(run)
-    width = 8 * (1 + 7 * len(poses)) + 4 * len(chosen)
+    count = len(shapes["bodies"]) + len(shapes["parts"]) + 1  # of poses, at most about
+    width = 8 * (1 + 7 * count) + 4 * len(names)
     rows = _choose_rows(run, events, max(100, int(_DATA_LIMIT * 0.75 / width)))
     for event in events:
         event["index"] = int(np.searchsorted(rows, event["index"]))
+    held = replace(run, values=run.values[rows])
+    poses, notes = _find_poses(held, shapes)
+    fit = _check_fit(held, poses, shapes)
     columns = {"time": _encode(times[rows], "f8")}
-    columns |= {f"pose.{name}": _encode(values[rows], "f8") for name, values in poses.items()}
-    columns |= {name: _encode(values[rows], "f4") for name, values in chosen.items()}
+    columns |= {f"pose.{name}": _encode(values, "f8") for name, values in poses.items()}
+    columns |= {name: _encode(held[name], "f4") for name in names}
     every = len(times) / len(rows)
     groups = {"target": "relative", "ring": "ring"}
     derived = {group for name, group in groups.items() if name in poses}
@@ -228,16 +245,20 @@ def _find_poses(run: Result, shapes: dict) -> tuple[dict[str, np.ndarray], list[
         poses["ring"] = _rows(run, "ring")
     mechanism = run.scene["mechanism"]
     capture = mechanism.get("capture", {}).get("body", "base")
-    if "state.q[1]" in run:
-        found = geometry.place_bodies(mechanism, run.vector("state.q")) or {}
-        for name, in_base in found.items():
-            rows = rotations.join_poses(geometry.as_row(shapes["base"]), in_base)
-            if name != capture:
-                poses[f"body.{name}"] = rows
-            elif "ring" not in poses:
-                poses["ring"] = rows
-                notes.append("ring.* is not recorded: the ring follows from state.q")
     others = [b["name"] for b in mechanism.get("bodies", []) if b["name"] != capture]
+    why = "their poses need the group 'states' in [outputs] groups"
+    if "state.q[1]" in run and (others or (capture != "base" and "ring" not in poses)):
+        try:
+            found = geometry.place_bodies(mechanism, run["time"], run.vector("state.q"))
+        except UsageError as error:
+            found, why = {}, str(error)
+        base = geometry.as_row(shapes["base"])
+        in_chaser = {name: rotations.join_poses(base, rows) for name, rows in found.items()}
+        poses |= {f"body.{name}": in_chaser[name] for name in others if name in found}
+        if "ring" not in poses and capture in found:
+            back = rotations.invert_poses(geometry.as_row(shapes["capture_body_in_G"]))
+            poses["ring"] = rotations.join_poses(in_chaser[capture], back)
+            notes.append("ring.* is not recorded: the ring follows from state.q")
     placed = {"base", *([capture] if "ring" in poses else [])}
     placed |= {name.removeprefix("body.") for name in poses}
     legs = [leg for leg in shapes["legs"] if {leg["root"], leg["closing"]} <= placed]
@@ -245,8 +266,7 @@ def _find_poses(run: Result, shapes: dict) -> tuple[dict[str, np.ndarray], list[
     missing = [name for name in others if name not in placed]
     if missing:
         notes.append(
-            f"not drawn: {', '.join(missing[:6])}{' and others' * (len(missing) > 6)}; the poses of"
-            " these bodies are no outputs, or need the group 'states' in [outputs] groups"
+            f"not drawn: {', '.join(missing[:6])}{' and others' * (len(missing) > 6)}: {why}"
         )
     poses |= parts.place_parts(run, shapes["vehicles"], poses.get("target"))
     if lost := [i for i in range(1, len(shapes["parts"]) + 1) if f"part[{i}]" not in poses]:
@@ -289,8 +309,8 @@ def _check_fit(run: Result, poses: dict[str, np.ndarray], shapes: dict) -> float
         )
     at |= {k.removeprefix("body."): v for k, v in poses.items() if k.startswith("body.")}
     differences = {}
-    for i, leg in enumerate(shapes["legs"]):
-        name = f"leg[{i + 1}].length"
+    for leg in shapes["legs"]:
+        name = f"leg[{leg['number']}].length"
         if name in run and leg["root"] in at and leg["closing"] in at:
             drawn = geometry.find_leg_length(leg, at[leg["root"]], at[leg["closing"]])
             differences[name] = float(np.max(np.abs(drawn - run[name])))

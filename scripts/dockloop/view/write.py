@@ -19,7 +19,7 @@ def write_files(
     run: Result,
     output: Path,
     options: argparse.Namespace,
-    meshes: dict[str, Path],
+    meshes: list[tuple[str, dict]],
     command: str | None,
 ) -> str:
     """Write page, stills or film of one recording; returns what was written."""

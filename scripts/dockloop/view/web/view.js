@@ -180,20 +180,24 @@
       const vehicle = geometry.vehicles[name], holder = group(parent);
       vehicles.push(holder);
       if (has(`pose.vehicle.${name}`)) adapted.push([holder, `vehicle.${name}`]);
-      if (vehicle.mesh) {
-        const unpack = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
-        const shape = new T.BufferGeometry();
-        shape.setAttribute('position', new T.BufferAttribute(new Float32Array(unpack(vehicle.mesh.points)), 3));
-        shape.setIndex(new T.BufferAttribute(new Uint32Array(unpack(vehicle.mesh.triangles)), 1));
-        shape.computeVertexNormals();
-        const mesh = new T.Mesh(shape, solid(COLORS[name], { transparent: true, opacity: 0.55 }));
-        place(mesh, vehicle.pose);
-        holder.add(mesh);
+      if (geometry.meshes.some(([of]) => of === name)) {
+        addMeshes(group(holder, vehicle.pose), name, solid(COLORS[name], { transparent: true, opacity: 0.55 }));
         names.push(addLabel(holder, name, vehicle.pose.p, COLORS[name], 0.04));
         return;
       }
       addBox(holder, vehicle.box, name);
       names.push(addLabel(holder, name, vehicle.box.pose.p, COLORS[name], 0.04));
+    }
+    function addMeshes(parent, name, material) {
+      const unpack = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
+      for (const [of, packed] of geometry.meshes) {
+        if (of !== name) continue;
+        const shape = new T.BufferGeometry();
+        shape.setAttribute('position', new T.BufferAttribute(new Float32Array(unpack(packed.points)), 3));
+        shape.setIndex(new T.BufferAttribute(new Uint32Array(unpack(packed.triangles)), 1));
+        shape.computeVertexNormals();
+        parent.add(new T.Mesh(shape, material));
+      }
     }
     function addBox(holder, shape, name) {
       const box = new T.BoxGeometry(...shape.size.map((x) => Math.max(x, 0.02 * extent)));
@@ -281,6 +285,7 @@
     const captureBody = group(world);
     /** Draw the active cores of a body; those without one are in axes of G. */
     const addActive = (parent, body) => addCores(parent, (geometry.cores?.active || []).filter((core) => core.body === body), COLORS.active);
+    addMeshes(mount, 'base', solid(COLORS.rod));
     addFrame(base, 'A', 0.3 * extent, [-0.08 * extent, 0, -0.1 * extent]);
     if ('chaser' in geometry.vehicles) addVehicle(base, 'chaser');
     for (const part of Object.values(geometry.interface)) addCores(base, part, COLORS.rod);
@@ -290,6 +295,7 @@
       if (geometry.ring) petals = addRing(ring, geometry.ring, COLORS.active);
       addActive(ring);
       addActive(captureBody, geometry.capture_body);
+      if (geometry.capture_body !== 'base') addMeshes(captureBody, geometry.capture_body, solid(COLORS.active));
     } else ring.visible = false;
     if (hasTarget) {
       addFrame(target, 'P', 0.3 * extent, [0.11 * extent, 0, -0.1 * extent]);
@@ -327,9 +333,12 @@
     const bodies = {};
     for (const body of geometry.bodies) {
       if (!has(`pose.body.${body.name}`)) continue;
-      const made = group(world), line = rod(world, 0.015 * extent, solid(COLORS.soft));
-      addFrame(made, body.name, 0.15 * extent);
+      const made = group(world), isOfLeg = geometry.legs.some((leg) => leg.bodies?.includes(body.name));
+      const line = isOfLeg ? null : rod(world, 0.015 * extent, solid(COLORS.soft));
+      if (!isOfLeg && body.is_named) addFrame(made, body.name, 0.15 * extent);
+      if (!isOfLeg) for (const end of body.ends) span(rod(made, 0.015 * extent, solid(COLORS.soft)), new T.Vector3(), vector(end));
       addActive(made, body.name);
+      addMeshes(made, body.name, solid(COLORS.rod));
       bodies[body.name] = { made, line, parent: body.parent };
     }
     const holderOf = (name) => (name === 'base' ? mount : name === geometry.capture_body ? captureBody : bodies[name]?.made);
@@ -351,12 +360,12 @@
 
     // Legs: cylinder at the root, rod at the closing body; both ends are joint points of the mechanism.
     const legs = [];
-    geometry.legs.forEach((leg, k) => {
+    geometry.legs.forEach((leg) => {
       if (!isPlaced(leg.root) || !isPlaced(leg.closing)) return;
       const home = leg.length || vector(leg.root_point).distanceTo(vector(leg.closing_point));
-      const length = leg.crank ? '' : `leg[${k + 1}].length`;
+      const length = leg.crank ? '' : `leg[${leg.number}].length`;
       const thick = 0.025 * extent * Math.min(1.5, Math.max(0.5, home / extent)), material = solid(COLORS.rod);
-      const made = { leg, force: `leg[${k + 1}].force`, length, home, material, cylinder: rod(world, thick, solid(COLORS.leg)), rod: rod(world, 0.6 * thick, material) };
+      const made = { leg, force: `leg[${leg.number}].force`, length, home, material, cylinder: rod(world, thick, solid(COLORS.leg)), rod: rod(world, 0.6 * thick, material) };
       made.joints = [ball(world, new T.Vector3(), 1.4 * thick, solid(COLORS.ink)), ball(world, new T.Vector3(), 1.2 * thick, solid(COLORS.ink))];
       legs.push(made);
     });
@@ -428,7 +437,7 @@
         place(body.made, findPose(`body.${name}`, t));
       }
       for (const body of Object.values(bodies)) {
-        const parent = holderOf(body.parent);
+        const parent = body.line && holderOf(body.parent);
         if (parent) span(body.line, parent.position, body.made.position);
       }
       for (const made of legs) {
