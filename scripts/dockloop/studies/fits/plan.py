@@ -59,8 +59,7 @@ def plan(problem: Problem, own: Sequence[float | None]) -> Planned:
             raise DockloopError(f"test '{problem.trials[k].name}': {run}")
     problem.weigh(x, trials, is_robust=False)
     jacobian = problem.calc_jacobian(x, trials, is_central=True)
-    counts = np.cumsum([len(series.time) for series in problem.series])[:-1]
-    rows = dict(enumerate(np.split(jacobian, counts)))
+    rows = dict(enumerate(problem.split(jacobian, trials)))
     channels = {
         (series.trial, series.name): _inform(rows[i], len(own))
         for i, series in enumerate(problem.series)

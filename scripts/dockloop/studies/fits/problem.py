@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
@@ -33,6 +34,7 @@ from dockloop.sweeps.planning import Planner
 
 _FORESEEN = 0.3  # part of a change of a run that derivatives may miss, and go along
 _ROUNDS = 5  # of the estimate of noise with bends
+_MISSED, _SEEN = 0.1, 3.0  # a peak of one sample is an impact: of the range of a channel, its noise
 _FAR = 0.1  # deviation of a channel before anything is known, part of its range
 
 
@@ -100,7 +102,7 @@ class Series:
         sigma: standard deviations of the samples; infinite: it does not count.
         extent: largest less smallest value.
         unknowns: which entries of the vector are its ``shift``, ``offset`` and ``scale``.
-        bend: the largest within a step of the run, of the samples inside; as `values`.
+        peak: the highest sample of the run above both its neighbours, or below; as `values`.
     """
 
     trial: int
@@ -111,7 +113,12 @@ class Series:
     sigma: np.ndarray
     extent: float
     unknowns: dict[str, int]
-    bend: float = 0.0
+    peak: float = 0.0
+
+    @property
+    def misses_impacts(self) -> bool:
+        """Whether impacts are shorter than the time between two samples: peaks of one sample."""
+        return self.peak > max(_MISSED * self.extent, _SEEN * float(self.sigma.min()))
 
 
 @dataclass
@@ -386,6 +393,20 @@ class Problem:
         """Return every channel of some tests."""
         return [series for series in self.series if series.trial in trials]
 
+    def split(self, rows: np.ndarray, trials: Sequence[int]) -> list[np.ndarray]:
+        """Return the rows of every channel of some tests."""
+        return np.split(rows, np.cumsum([len(s.time) for s in self.choose(trials)])[:-1])
+
+    def smooth(self, rows: np.ndarray, part: float) -> np.ndarray:
+        """Return residuals or derivatives of the fitted tests as means over a part of their time.
+
+        Of a load this is its impulse: impacts that come a little later change it by little.
+        """
+        split = self.split(rows, self.list_trials())
+        return np.concatenate(
+            [gaussian_filter1d(r, part * len(r), axis=0, mode="constant") for r in split]
+        )
+
     def _find_own(self, trial: int) -> list[int]:
         """Return which parameters a test has."""
         return [j for j, p in enumerate(self.parameters) if p.trial in (None, trial)]
@@ -529,7 +550,8 @@ class Problem:
             time = series.time + self.find_unknown(x, series, "shift")
             scale = abs(self.find_unknown(x, series, "scale"))
             bend = scale * find_bends(run.time, run[series.name], time)
-            error = self.predict(x, series, run) - series.values
+            values = self.predict(x, series, run)
+            series.peak, error = find_peak(values[inside]), values - series.values
             parts.setdefault(series.name, []).append((series, error, bend, inside))
         found: dict[str, float] = {}
         for name, entries in parts.items():
@@ -539,7 +561,6 @@ class Problem:
             for series, _, bend, inside in entries:
                 sigma = found[name] if series.noise is None else series.noise
                 series.sigma = np.where(inside, sigma + bend**2 / sigma, np.inf)
-                series.bend = float(bend[inside].max(initial=0.0))
         return found
 
 
@@ -572,6 +593,13 @@ def find_bends(time: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarr
     second[1:-1] = np.abs(np.diff(values, 2)) / math.sqrt(3.0)
     cell = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
     return np.maximum(second[cell], second[cell + 1])
+
+
+def find_peak(values: np.ndarray) -> float:
+    """Return by how much a value is above both its neighbours, or below, at most."""
+    left, right = np.diff(values)[:-1], -np.diff(values)[1:]
+    sides = np.minimum(np.abs(left), np.abs(right))
+    return float(sides[left * right > 0.0].max(initial=0.0))
 
 
 def estimate_noise(errors: np.ndarray, bends: np.ndarray, *, is_robust: bool) -> float:

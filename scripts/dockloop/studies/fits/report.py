@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 _MOST_PANELS = 12
 _STRONG = 0.9  # correlation that is said
-_BENT, _JUMP = 3.0, 0.02  # a bend is an impact: over the noise, and part of the range of a channel
 _AT_BOUND, _ON_BOUND = 2e-3, 1e-4  # of the range: if uncertain by that, and in any case
 _DETERMINED = 0.9  # of the deviation of a guess: what a plan expects below is determined
 
@@ -194,19 +193,13 @@ def _find_rms(error: np.ndarray) -> float | None:
     return _as_number(float(np.sqrt(np.mean(error**2)))) if len(error) else None
 
 
-def _has_impacts(series: Series) -> bool:
-    """Return whether a channel jumps within a step of the run, by far more than its noise."""
-    return series.bend > max(_JUMP * series.extent, _BENT * float(series.sigma.min()))
-
-
 def _list_hidden(problem: Problem, found: Found) -> Iterator[str]:
     """Yield sentences on what the residuals hide, or on why that is not known."""
     for number in problem.list_trials():
-        if all(_has_impacts(series) for series in problem.choose([number])):
+        if all(series.misses_impacts for series in problem.choose([number])):
             yield (
-                f"every channel of '{problem.trials[number].name}' has impacts that are shorter"
-                " than a step of the run, and make false valleys, which the deviations do not show:"
-                " fit a channel of the motion too, or take --loss soft_l1"
+                f"every channel of '{problem.trials[number].name}' has impacts between two samples,"
+                " which make false valleys: sample faster, or fit a channel of the motion too"
             )
     for series, judged, band in zip(problem.series, found.judged, found.bands, strict=True):
         channel = f"{series.name} in '{problem.trials[series.trial].name}'"

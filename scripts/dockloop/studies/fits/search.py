@@ -3,10 +3,13 @@
 The first start is the scene. If what it leads to does not meet the measurements, other starts
 follow, of a Sobol sequence, since contact makes valleys. Those whose outcomes are the measured ones
 come first. The best two go some steps; the better one goes on if it beats what was found before.
+These steps are for means over time: short impacts that do not overlap with those of the data would
+make valleys, their impulses do not.
 Standard deviations of channels that are not stated follow from the residuals, round by round. A
 search ends where derivatives by differences both ways foresee no gain; these give the uncertainty.
 """
 
+import math
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -28,7 +31,8 @@ from dockloop.studies.fits.statistics import (
 )
 
 _BEST = 2  # starts that go on
-_COARSE, _FINE = (1e-2, 4), (0.0, 10)  # part of the sum of squares, evaluations that end a search
+_COARSE, _FINE = (0.1, 12), (0.0, 10)  # part of the sum of squares, evaluations that end a search
+_MEANS = 0.01  # of the time of a test: standard deviation of what a coarse search averages over
 _CHANGE = 0.01  # of half the sum of squares that ends a search: a tenth of a deviation
 _STEP = 1e-5  # of the vector that ends a search
 _HOLD = 1e-3  # residual of a change by all of a range: 1e-6 in the sum of squares
@@ -96,7 +100,7 @@ def find_fit(
     for group in (points[:1], points[1:]):
         try:
             ranked = _rank(problem, group, counts)[:_BEST]
-            solved = [_solve(problem, start, loss, _COARSE) for start in ranked]
+            solved = [_solve(problem, start, loss, is_coarse=True) for start in ranked]
             x = min(solved, key=lambda x: _score(problem, x), default=None)
             if x is not None and (best is None or _score(problem, x) < _score(problem, best[0])):
                 best = _refine(problem, x, loss)
@@ -170,7 +174,7 @@ def _refine(problem: Problem, x: np.ndarray, loss: str) -> tuple[np.ndarray, dic
             is_settled = all(abs(noise[name] / old[name] - 1.0) < _SAME for name in noise)
             if is_settled and float(gain @ gain) < 2.0 * _CHANGE:
                 break
-        last, x = x, _solve(problem, x, loss, _FINE)
+        last, x = x, _solve(problem, x, loss)
         if old and np.array_equal(last, x):
             break
     return x, noise
@@ -187,8 +191,8 @@ def _is_doubtful(problem: Problem, x: np.ndarray, noise: dict[str, float]) -> bo
     )
 
 
-def _solve(problem: Problem, x: np.ndarray, loss: str, ends: tuple[float, int]) -> np.ndarray:
-    """Return the vector at a minimum.
+def _solve(problem: Problem, x: np.ndarray, loss: str, *, is_coarse: bool = False) -> np.ndarray:
+    """Return the vector at a minimum; a coarse one is that of means over time.
 
     What has no effect stays where it is: without the last rows, steps would be those of no rank.
     """
@@ -196,16 +200,21 @@ def _solve(problem: Problem, x: np.ndarray, loss: str, ends: tuple[float, int]) 
     low, high = np.full(problem.size, -np.inf), np.full(problem.size, np.inf)
     low[: len(problem.parameters)], high[: len(problem.parameters)] = 0.0, 1.0
     counted = sum(np.isfinite(s.sigma).sum() for s in problem.choose(problem.list_trials()))
+    end, most = _COARSE if is_coarse else _FINE
+
+    def smooth(rows: np.ndarray) -> np.ndarray:
+        return problem.smooth(rows, _MEANS) if is_coarse else rows
+
     return least_squares(
-        lambda at: np.append(problem.calc_residuals(at), hold @ (at - x)),
+        lambda at: np.append(smooth(problem.calc_residuals(at)), hold @ (at - x)),
         x,
-        lambda at: np.vstack([problem.calc_jacobian(at), hold]),
+        lambda at: np.vstack([smooth(problem.calc_jacobian(at)), hold]),
         (low, high),
         loss=loss,
-        ftol=max(ends[0], 2.0 * _CHANGE / counted),
+        ftol=max(end, 2.0 * _CHANGE / counted),
         xtol=_STEP,
         gtol=None,
-        max_nfev=ends[1],
+        max_nfev=most,
     ).x
 
 
@@ -216,8 +225,8 @@ def _judge_series(
     trials = problem.list_trials(held=held)
     chosen = problem.choose(trials)
     fitted = sum(not problem.trials[series.trial].is_held for series in chosen)
-    ends = np.cumsum([len(series.time) for series in chosen])[:-1]
-    for series, part in zip(chosen, np.split(problem.calc_residuals(x, trials), ends), strict=True):
+    split = problem.split(problem.calc_residuals(x, trials), trials)
+    for series, part in zip(chosen, split, strict=True):
         counted = np.isfinite(series.sigma)
         is_stated = series.noise is not None
         is_exact = noise.get(series.name, np.inf) <= problem.find_floor(series.name)
@@ -237,8 +246,7 @@ def _judge(problem: Problem, x: np.ndarray, loss: str, noise: dict[str, float]) 
     jacobian = problem.calc_jacobian(x, every, is_central=True)
     pairs = list(_judge_series(problem, x, noise, held=None))
     judged, residuals = [pair[0] for pair in pairs], np.concatenate([pair[1] for pair in pairs])
-    ends = np.cumsum([len(series.time) for series in problem.series])[:-1]
-    rows = np.split(np.arange(len(residuals)), ends)
+    rows = problem.split(np.arange(len(residuals)), every)
     is_known = [series.noise is not None or series.name in noise for series in problem.series]
     weights = np.concatenate([
         np.isfinite(series.sigma)
@@ -246,12 +254,16 @@ def _judge(problem: Problem, x: np.ndarray, loss: str, noise: dict[str, float]) 
         for series, each in zip(problem.series, judged, strict=True)
     ])  # fmt: skip
     used = weights > 0.0
+    missed = all(series.misses_impacts for series in problem.choose(problem.list_trials()))
     extents = np.concatenate([series.extent / series.sigma for series in problem.series])
     resolution = problem.accuracy / (2.0 * problem.step) * float(np.linalg.norm(extents[used]))
     own = len(problem.parameters)
     free = own + sum(problem.trials[k].is_held is False for k, *_ in problem.labels)
     factor = find_factor(residuals[used], loss, free)
-    made = estimate(jacobian[used] * weights[used, None], own, factor, resolution)
+    # with missed impacts this is one of several valleys, of which derivatives say nothing
+    made = estimate(
+        jacobian[used] * weights[used, None], own, factor, math.inf if missed else resolution
+    )
     spread = 1.0 + np.einsum("ij,jk,ik->i", jacobian, made.covariance, jacobian)
     bands = [
         (QUANTILE if known else np.nan) * series.sigma * np.sqrt(spread[part])

@@ -65,7 +65,7 @@ def estimate(jacobian: np.ndarray, count: int, factor: float, resolution: float)
     _, singular, axes = np.linalg.svd(rest, full_matrices=len(rest) < count)
     singular = np.pad(singular, (0, count - len(singular)))
     is_known = singular > max(math.sqrt(factor) / GUESS, resolution)
-    inverse = singular**2 / factor
+    inverse = np.where(singular > resolution, singular, 0.0) ** 2 / factor
     inverse[~is_known] += GUESS**-2
     inner = (axes.T / inverse) @ axes
     covariance = np.zeros((jacobian.shape[1],) * 2)
