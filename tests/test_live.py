@@ -23,11 +23,14 @@ import time
 import tracemalloc
 import webbrowser
 from argparse import Namespace
+from contextlib import suppress
 
+import numpy as np
 import pytest
 
 import dockloop as dl
-from dockloop.base.errors import UsageError
+from dockloop.base import paths
+from dockloop.base.errors import DockloopError, UsageError
 from dockloop.commands import live
 from dockloop.live.bench import (
     Bench,
@@ -39,6 +42,7 @@ from dockloop.live.bench import (
 )
 from dockloop.live.export import make_exports
 from dockloop.live.server import LiveServer
+from dockloop.scene.find import find_scene
 from dockloop.view import browser as chromium
 from live_pages import REFINED, Online, ask, list_own_options, serve
 
@@ -136,10 +140,94 @@ def test_defaults_follow_from_settings():
 def test_a_slider_can_be_moved():
     for scene, contact in ((SMALL, set()), (DEFAULT, {"contact.stiffness"})):
         bench = Bench(scene, ["experiment.stop=0.1"])
-        shown = [row for row in describe_entries(bench) if row["heading"]]
-        assert {row["name"] for row in shown} & {"contact.stiffness"} == contact
-        for row in shown:
-            bench.compute({row["name"]: row["default"]}, is_coarse=True)
+        shown = list_sliders(bench)
+        assert shown.keys() & {"contact.stiffness"} == contact
+        for name, row in shown.items():
+            bench.compute({name: row["default"]}, is_coarse=True)
+
+
+def list_sliders(bench):
+    return {row["name"]: row for row in describe_entries(bench) if row["heading"]}
+
+
+RIG, MAGNETS = "rig/bench.toml", "magnets/magnets.toml"
+FAMILIES = [DEFAULT, "hexapod", "apda", "probe_drogue", "gripper", "stewart", SMALL, RIG, MAGNETS]
+KINDS = {  # of sliders that matter, and the families without them
+    r".*(stiffness|stages\.1\.2|table factor)": (),
+    r".*(damping|slope|linear|restitution)": (RIG,),
+    r".*(friction_coefficient|forward)": (SMALL, RIG),
+    r"chaser\.mass": (RIG,),  # on a fixed base
+}
+
+# What acts in other dockings only: of what is zero, at a stop, a limit, more travel, a later step.
+ELSEWHERE = r"direction|latches\.window|: (stop|drive limit|brake|motor)|stage 2"
+
+
+@pytest.fixture(scope="module", params=FAMILIES)
+def family(request, tmp_path_factory):
+    """A scene of each family, and one with an imported mechanism as in IMPORT.md."""
+    if request.param.endswith(".toml"):
+        return request.param, Bench(str(paths.ROOT / "scripts" / "examples" / request.param))
+    if request.param != "stewart":
+        return request.param, Bench(request.param)
+    mine = dl.import_mechanism(paths.ROOT / "scripts/examples/stewart.sdf", ring="ring").document
+    shipped = json.loads((paths.MECHANISMS / "idss_hexapod.json").read_text())
+    mine |= {member: shipped[member] for member in ("contact", "latches", "limits")}
+    folder = tmp_path_factory.mktemp("imported")
+    (folder / "stewart.json").write_text(json.dumps(mine))
+    scene = find_scene(DEFAULT).read_text().replace('"idss_hexapod"', '"stewart"')
+    (folder / "first.toml").write_text(scene)
+    return request.param, Bench(str(folder / "first.toml"))
+
+
+def test_the_quantities_that_matter_have_sliders(family):
+    name, bench = family
+    shown = [f"{row['name']} {row['label']}" for row in list_sliders(bench).values()]
+    for kind, lacking in KINDS.items():
+        assert any(re.match(kind, text) for text in shown) == (name not in lacking), kind
+    laws = [row for name, row in list_sliders(bench).items() if ".laws." in name]
+    assert all(re.match(r"[\w*]+: [a-z]+ \w", row["label"]) for row in laws)
+    assert len(shown) < 45
+
+
+@pytest.mark.long
+def test_a_slider_that_is_moved_changes_the_docking(family):
+    _, bench = family
+    before = bench.compute({}, is_coarse=True)
+    others = [k for k, name in enumerate(before.names) if not name.startswith("solver.")]
+    sliders = list_sliders(bench)
+
+    def is_moved(name, part):
+        low, high, is_log = sliders[name]["range"]
+        value = low * (high / low) ** part if is_log else low + (high - low) * part
+        with suppress(DockloopError):
+            after = bench.compute({name: repr(value)}, is_coarse=True)
+            return not np.array_equal(after.values[:, others], before.values[:, others])
+        return False
+
+    for name, row in sliders.items():
+        if not re.search(ELSEWHERE, f"{name} {row['label']}"):
+            assert is_moved(name, 0.75) or is_moved(name, 0.1), name
+
+
+def test_equal_parts_have_one_slider():
+    bench = Bench("gripper", ["experiment.stop=0.5"])
+    name = "mechanism.set.forces.finger*.laws.1.limit"
+    shown = list_sliders(bench)
+    assert shown[name]["label"] == "finger*: drive limit"
+    assert "mechanism.set.forces.finger1.laws.1.limit" not in shown
+    each = {name.replace("*", str(k)): "20" for k in (1, 2, 3)}
+    assert condense(bench.compute({name: "20"})) == condense(bench.compute(each))
+    assert name not in Bench("gripper", ["mechanism.set.forces.finger1.laws.1.limit=20"]).entries
+
+
+def test_what_cannot_act_has_no_slider_and_is_said():
+    bench = Bench(str(paths.ROOT / "scripts" / "examples" / MAGNETS))
+    assert not any(name.startswith("initial.") for name in list_sliders(bench))
+    result = bench.compute({"initial.lateral_offset": "0.8", "initial.roll_deg": "3"})
+    said = "initial.lateral_offset and initial.roll_deg have no effect while initial.at is not"
+    assert [text for text in result.warnings if said in text]
+    assert bench.compute({"target.position.2": "0.005"}).warnings == []
 
 
 # ------------------------------------------------------------------- which requests are answered

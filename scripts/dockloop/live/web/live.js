@@ -44,7 +44,7 @@
       place.dataset.heading = heading;
       $('settings').append(place);
     }
-    const short = name.replace(/^(mechanism\.set|initial)\./, '');
+    const short = entry.label || name.replace(/^(mechanism\.set|initial)\./, '');
     const id = `set ${name}`.replaceAll(' ', '_');
     const field = make('input', { type: 'text', id, spellcheck: false, autocomplete: 'off' });
     const hint = make('small');
