@@ -29,6 +29,7 @@ import numpy as np
 import pytest
 
 import dockloop as dl
+from conftest import SCENES
 from dockloop.base import paths
 from dockloop.base.errors import DockloopError, UsageError
 from dockloop.commands import live
@@ -47,6 +48,7 @@ from dockloop.view import browser as chromium
 from live_pages import REFINED, Online, ask, list_own_options, serve
 
 DEFAULT, SMALL = "idss_25t_350t", "absorber_1d"
+RIG, MAGNETS = "rig/bench.toml", "magnets/magnets.toml"  # of the examples
 SETTINGS = {
     "initial.closing_speed": "0.07",
     "mechanism.set.latches.range": "0.018",
@@ -64,6 +66,11 @@ def server():
         yield made
 
 
+def open_bench(scene):
+    folder = paths.ROOT / "scripts" / "examples"
+    return Bench(str(folder / scene) if scene.endswith(".toml") else scene)
+
+
 def run(server, settings, **more):
     status, _, body = ask(server, body={"settings": settings, **more})
     return status, json.loads(body)
@@ -73,15 +80,19 @@ def run(server, settings, **more):
 
 
 @pytest.mark.usefixtures("native")  # the command runs an FMU, the page the core
-@pytest.mark.parametrize("more", [{}, SETTINGS])
-def test_the_page_has_the_bits_of_the_exported_command(dockloop, more):
-    bench = Bench(DEFAULT, ["experiment.stop=4"])
-    shown = json.loads(json.dumps(condense(bench.compute(more))))
+@pytest.mark.parametrize(
+    ("scene", "more"), [*((scene, {}) for scene in [*SCENES, RIG, MAGNETS]), (DEFAULT, SETTINGS)]
+)
+def test_the_page_has_the_bits_of_the_exported_command(dockloop, scene, more, tmp_path):
+    bench = open_bench(scene)
+    result = bench.compute(more)
     words = shlex.split(make_exports(bench, more)["command"])
-    assert words[:3] == ["dockloop", "run", DEFAULT]
-    ran = dockloop.read(*words[1:], "--json", "--no-plots")
+    assert words[:3] == ["dockloop", "run", bench.reference]
+    file = tmp_path / "own.npz"
+    ran = dockloop.read(*words[1:], "--json", "--no-plots", "-o", file)
+    assert np.array_equal(np.load(file)["values"], result.values, equal_nan=True)
+    shown = json.loads(json.dumps(condense(result)))
     assert shown == {name: ran[name] for name in shown}
-    assert {"outcome", "time_of_contact", "peak_loads", "energy"} <= shown.keys()
 
 
 def test_python_lines_and_scene_file_give_the_same_docking(tmp_path, monkeypatch):
@@ -150,7 +161,6 @@ def list_sliders(bench):
     return {row["name"]: row for row in describe_entries(bench) if row["heading"]}
 
 
-RIG, MAGNETS = "rig/bench.toml", "magnets/magnets.toml"
 FAMILIES = [DEFAULT, "hexapod", "apda", "probe_drogue", "gripper", "stewart", SMALL, RIG, MAGNETS]
 KINDS = {  # of sliders that matter, and the families without them
     r".*(stiffness|stages\.1\.2|table factor)": (),
@@ -166,10 +176,8 @@ ELSEWHERE = r"direction|latches\.window|: (stop|drive limit|brake|motor)|stage 2
 @pytest.fixture(scope="module", params=FAMILIES)
 def family(request, tmp_path_factory):
     """A scene of each family, and one with an imported mechanism as in IMPORT.md."""
-    if request.param.endswith(".toml"):
-        return request.param, Bench(str(paths.ROOT / "scripts" / "examples" / request.param))
     if request.param != "stewart":
-        return request.param, Bench(request.param)
+        return request.param, open_bench(request.param)
     mine = dl.import_mechanism(paths.ROOT / "scripts/examples/stewart.sdf", ring="ring").document
     shipped = json.loads((paths.MECHANISMS / "idss_hexapod.json").read_text())
     mine |= {member: shipped[member] for member in ("contact", "latches", "limits")}
@@ -222,7 +230,7 @@ def test_equal_parts_have_one_slider():
 
 
 def test_what_cannot_act_has_no_slider_and_is_said():
-    bench = Bench(str(paths.ROOT / "scripts" / "examples" / MAGNETS))
+    bench = open_bench(MAGNETS)
     assert not any(name.startswith("initial.") for name in list_sliders(bench))
     result = bench.compute({"initial.lateral_offset": "0.8", "initial.roll_deg": "3"})
     said = "initial.lateral_offset and initial.roll_deg have no effect while initial.at is not"
@@ -828,7 +836,7 @@ def test_the_docking_that_is_shown_is_taken_home(window):
     window.wait(text)
     words = shlex.split(window.run(text))
     assert words[:3] == ["dockloop", "run", SMALL]
-    assert words[3:] == ["--scene", "initial.closing_speed=0.07"]
+    assert words[3:] == ["--scene", "initial.closing_speed=0.07", "--no-kernel"]
     window.run("document.getElementById('link').click()")
     assert "chaser" not in window.run(text)
     assert "0.07" in window.run(text)

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from dockloop.base.errors import DockloopError, UsageError
+from dockloop.native.core import has_only_legs
 from dockloop.native.variables import VEHICLES
 from dockloop.result.accuracy import estimate_error
 from dockloop.result.recording import Result
@@ -62,6 +63,7 @@ class Bench:
         base: settings that the page begins with, as texts by name; its own come on top.
         entries: everything that can be set, by name; of two things with one name the key of the
             scene, as sweeps choose.
+        options: of ``dockloop run``, so that its docking has the bits of this one.
     """
 
     def __init__(self, reference: str, overrides: list[str] | tuple[str, ...] = ()) -> None:
@@ -80,6 +82,8 @@ class Bench:
         self.entries = _find_entries(reference, overrides)
         self._reader = SceneReader(find_scene(reference))
         self._scene = Scene(reference, self.split({})[0], self._reader)
+        document = self._scene.document  # of a docking as computed here, an FMU has no kernel
+        self.options = [] if has_only_legs(document, self._scene.path) else ["--no-kernel"]
         self._busy = threading.Lock()
         self._counting = threading.Lock()
         self._newest = 0
