@@ -43,7 +43,6 @@ from dockloop.live.bench import (
 )
 from dockloop.live.export import make_exports
 from dockloop.live.server import LiveServer
-from dockloop.scene.find import find_scene
 from dockloop.view import browser as chromium
 from live_pages import REFINED, Online, ask, list_own_options, serve
 
@@ -174,18 +173,11 @@ ELSEWHERE = r"direction|latches\.window|: (stop|drive limit|brake|motor)|stage 2
 
 
 @pytest.fixture(scope="module", params=FAMILIES)
-def family(request, tmp_path_factory):
-    """A scene of each family, and one with an imported mechanism as in IMPORT.md."""
+def family(request):
+    """A scene of each family, and one with an imported mechanism."""
     if request.param != "stewart":
         return request.param, open_bench(request.param)
-    mine = dl.import_mechanism(paths.ROOT / "scripts/examples/stewart.sdf", ring="ring").document
-    shipped = json.loads((paths.MECHANISMS / "idss_hexapod.json").read_text())
-    mine |= {member: shipped[member] for member in ("contact", "latches", "limits")}
-    folder = tmp_path_factory.mktemp("imported")
-    (folder / "stewart.json").write_text(json.dumps(mine))
-    scene = find_scene(DEFAULT).read_text().replace('"idss_hexapod"', '"stewart"')
-    (folder / "first.toml").write_text(scene)
-    return request.param, Bench(str(folder / "first.toml"))
+    return request.param, Bench(str(request.getfixturevalue("imported")))
 
 
 def test_the_quantities_that_matter_have_sliders(family):

@@ -211,9 +211,11 @@ _TRAVEL_HEADS = ("part", "lowest", "highest", "lower stop", "upper stop", "unit"
 def list_travels(result: Result) -> Iterator[tuple]:
     """Yield how far each leg and element came, at communication points, and what its stops leave.
 
-    What is left is the smallest distance to a stop, as a part of the travel between both.
+    What is left is the smallest distance to a stop, as a part of the travel between both. Angles
+    are in deg, lengths in mm.
     """
-    for name, unit in zip(result.names, result.units, strict=True):
+    shown = _find_parts(result.scene["mechanism"], Path(result.scene["name"]))
+    for name in result.names:
         for pattern, *ends in _TRAVELS:
             if not (found := re.fullmatch(pattern, name)):
                 continue
@@ -223,7 +225,26 @@ def list_travels(result: Result) -> Iterator[tuple]:
             if lower is None or upper is None:
                 continue
             left = min(low - lower, upper - high) / (upper - lower)
-            yield part, low, high, lower, upper, unit, f"{left:.0%}"
+            part, factor, unit = shown[part]
+            yield part, *(factor * x for x in (low, high, lower, upper)), unit, f"{left:.0%}"
+
+
+def _find_parts(mechanism: dict, source: Path) -> dict[str, tuple[str, float, str]]:
+    """Return names of legs and elements as in their file, with factor and unit of their travel.
+
+    An element turns if it is the angle of a joint: with another ratio, that of a thread, it slides.
+    """
+    length, angle = (1e3, "mm"), (np.degrees(1.0), "deg")
+    bodies = core.expand(mechanism, source)["bodies"] if "bodies" in mechanism else ()
+    turns = {body["name"] for body in bodies if body["joint"]["type"] == "revolute"}
+    parts = {}
+    for i, leg in enumerate(mechanism.get("legs", ()), 1):
+        parts[f"leg[{i}]"] = (leg.get("name", f"leg[{i}]"), *length)
+    elements = (force for force in mechanism.get("forces", ()) if "laws" in force)
+    for i, element in enumerate(elements, 1):
+        is_angle = all(a["joint"] in turns and a.get("ratio", 1.0) == 1.0 for a in element["along"])
+        parts[f"element[{i}]"] = (element["name"], *(angle if is_angle else length))
+    return parts
 
 
 def _find_stop(result: Result, pattern: str) -> float | None:
