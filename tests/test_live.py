@@ -615,9 +615,7 @@ def test_undo_redo_reset_and_the_link(window, server):
     assert window.run("live.settings") == []
     assert window.run("location.hash") == ""
     for key, code, expected in (("z", "KeyZ", changed), ("y", "KeyY", [])):
-        common = {"key": key, "code": code, "modifiers": 2, "windowsVirtualKeyCode": ord(key) - 32}
-        window.call("Input.dispatchKeyEvent", type="keyDown", **common)
-        window.call("Input.dispatchKeyEvent", type="keyUp", **common)
+        hit(window, key, code, ord(key) - 32, modifiers=2)
         assert window.run("live.settings") == expected
     for _ in range(2):
         window.run("document.getElementById('undo').click()")
@@ -693,7 +691,7 @@ def test_a_kept_docking_is_compared_with_the_error_of_each_figure(window):
         )
         now, other, said = window.run(
             "[...[...document.querySelectorAll('#figures tbody tr')].find((row) =>"
-            " row.firstChild.textContent === 'compression').querySelectorAll('td')]"
+            " row.firstChild.firstChild.data === 'compression').querySelectorAll('td')]"
             ".map((cell) => [...cell.childNodes].map((node) => node.textContent))"
         )
         assert float(now[1].removeprefix("± ")) == pytest.approx(e, rel=0.06)
@@ -723,6 +721,13 @@ def start_again(window):
     """Reset all settings and wait until the docking is the first one."""
     click_button(window, "reset")
     window.wait(f"live.settings.length === 0 && {REFINED}")
+
+
+def hit(window, key, code, virtual, **more):
+    """Press a key and let it go."""
+    more |= {"key": key, "code": code, "windowsVirtualKeyCode": virtual}
+    for kind in ("keyDown", "keyUp"):
+        window.call("Input.dispatchKeyEvent", type=kind, **more)
 
 
 def click_button(window, name):
@@ -832,6 +837,79 @@ def test_the_docking_that_is_shown_is_taken_home(window):
     window.run("document.getElementById('link').click()")
     assert "chaser" not in window.run(text)
     assert "0.07" in window.run(text)
+
+
+TEXT = "document.getElementById('text').value"
+SAVED = """(() => {
+  window.saved = [];
+  window.make = window.make || URL.createObjectURL;
+  URL.createObjectURL = (blob) => { saved.push(blob); return make(blob); };
+  HTMLAnchorElement.prototype.click = function () { saved.push(this.download); };
+})()"""
+
+
+@pytest.mark.long
+@needs_browser
+@pytest.mark.parametrize("what", ["command", "report", "film", "python", "scene", "PNG"])
+def test_all_that_is_taken_home(window, what):
+    start_again(window)
+    window.run(f"{SAVED}; {TEXT} = ''")
+    chosen = "#picture" if what == "PNG" else f"[data-text={what}]"
+    window.run(f"document.querySelector('#home {chosen}').click()")
+    if what == "PNG":
+        window.wait("saved.length === 2")
+        assert window.run("saved[1]") == f"{SMALL}.png"
+        bytes_ = "saved[0].arrayBuffer().then((a) => [...new Uint8Array(a).slice(0, 4)])"
+        assert bytes(window.run(bytes_)) == b"\x89PNG"
+    else:
+        window.wait(TEXT)
+        expected = make_exports(Bench(SMALL), {})[what]
+        assert window.run(TEXT) == expected
+        if what == "scene":
+            assert window.run("saved[1]") == f"{SMALL}_live.toml"
+            assert window.run("saved[0].text()") == expected
+    assert window.find_bad() == []
+
+
+@pytest.mark.long
+@needs_browser
+@pytest.mark.parametrize("how", ["button", "escape"])
+def test_a_long_docking_is_stopped_in_the_page(window, how):
+    start_again(window)
+    stop = "document.getElementById('stop')"
+    for name, text in (LONG | {"solver.step": "1e-6"}).items():
+        window.run(f"live.change({name!r}, {text!r})")
+    window.run("live.commit()")
+    window.wait(f"!{stop}.disabled")
+    began = time.monotonic()
+    if how == "button":
+        click_button(window, "stop")
+    else:
+        hit(window, "Escape", "Escape", 27)
+    assert window.read("status") == "stopped"
+    assert window.run(f"{stop}.disabled")
+    start_again(window)  # the server computes the next one
+    assert time.monotonic() - began < 20.0
+    assert window.find_bad() == []
+
+
+@pytest.mark.long
+@needs_browser
+def test_keys_of_the_panel(window):
+    start_again(window)
+    hit(window, "/", "Slash", 191, text="/")
+    assert window.run("document.activeElement.id") == "find"
+    assert window.run("document.activeElement.value") == ""
+    slider = f"{ROW.format('chaser.mass')}.querySelector('[type=range]')"
+    window.run(f"{slider}.focus()")
+    before = window.run(f"{slider}.valueAsNumber")
+    for key, virtual, places in (("PageUp", 33, 100), ("PageDown", 34, 0), ("ArrowRight", 39, 1)):
+        hit(window, key, key, virtual)
+        assert window.run(f"{slider}.valueAsNumber") == before + places
+        window.wait(REFINED)
+    ((name, _),) = window.run("live.settings")
+    assert name == "chaser.mass"
+    assert window.find_bad() == []
 
 
 @pytest.mark.long

@@ -271,13 +271,16 @@
     $('figures').tBodies[0].replaceChildren(...listFigures(summary).map(([name, unit, x, rated]) => {
       const other = before?.get(name), isNumber = typeof x === 'number' && typeof other === 'number';
       const change = isNumber ? (other ? `${x > other ? '+' : ''}${say2((x / other - 1) * 100)} %` : say(x - other)) : x === other ? '' : 'differs';
-      const cells = [[`${say(x)} ${unit}`], ...(kept ? [[say(other)], [change]] : [[rated ? say(rated) : ''], [rated ? `${((100 * x) / rated).toFixed(1)} %` : '']])];
+      const part = rated ? `${((100 * x) / rated).toFixed(1)} %` : '';
+      const cells = [[`${say(x)} ${unit}`], ...(kept ? [[say(other)], [change]] : [[rated ? say(rated) : ''], [part]])];
       if (isNumber) {
         const [mine, its] = [[shown, x], [kept.settings, other]].map(([key, figure]) => errorOf(key, name, figure));
         [mine, its].forEach((error, k) => cells[k].push(sayError(error)));
         cells[2].push(Math.abs(x - other) <= mine + its ? 'within error' : '');
       }
-      const row = make('tr', {}, make('th', { textContent: name, title: name }), ...cells.map(([text, error]) => {
+      const label = make('th', { textContent: name, title: name });
+      if (kept && part) label.append(make('small', { textContent: `${part} of rated` }));
+      const row = make('tr', {}, label, ...cells.map(([text, error]) => {
         const cell = make('td', { textContent: text, title: text });
         if (error !== undefined) cell.append(make('small', { textContent: error }));
         return cell;
