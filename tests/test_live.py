@@ -214,7 +214,9 @@ def test_equal_parts_have_one_slider():
     bench = Bench("gripper", ["experiment.stop=0.5"])
     name = "mechanism.set.forces.finger*.laws.1.limit"
     shown = list_sliders(bench)
-    assert shown[name]["label"] == "finger*: drive limit"
+    assert (shown[name]["label"], shown[name]["unit"]) == ("finger*: drive limit", "N m")
+    spring = shown["mechanism.set.forces.palm.laws.1.stages.1.2"]
+    assert (spring["label"], spring["unit"]) == ("palm: spring stage 1", "N/m")
     assert "mechanism.set.forces.finger1.laws.1.limit" not in shown
     each = {name.replace("*", str(k)): "20" for k in (1, 2, 3)}
     assert condense(bench.compute({name: "20"})) == condense(bench.compute(each))
@@ -926,6 +928,21 @@ def test_the_live_page_is_usable_at_390_px(online, server):
         sizes = "[...document.querySelectorAll('body *')].filter((e) => e.textContent.trim())"
         sizes += ".map((e) => parseFloat(getComputedStyle(e).fontSize))"
         assert small.run(f"Math.min(...{sizes})") >= 11
+
+
+@pytest.mark.long
+@needs_browser
+def test_a_kept_docking_leaves_the_part_of_rated_loads(online):
+    with serve(DEFAULT) as other:
+        for width in (1280, 390):
+            with online(width, 844) as page:
+                page.open(other.url)
+                click_button(page, "keep")
+                found = "[...document.querySelectorAll('#figures th small')]"
+                texts = page.run(f"{found}.map((e) => e.textContent)")
+                assert len(texts) == 5
+                assert all(re.fullmatch(r"[\d.]+ % of rated", text) for text in texts)
+                assert page.run(f"{found}.every((e) => e.scrollWidth <= e.clientWidth)")
 
 
 @pytest.mark.long

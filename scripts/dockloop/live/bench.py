@@ -1,5 +1,6 @@
 """The docking of a live page: settings in, data of the page out, the newest request only."""
 
+import fnmatch
 import re
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -15,6 +16,7 @@ from dockloop.result.recording import Result
 from dockloop.runs.docking import Scene, run
 from dockloop.scene.catalogue import Entry, list_entries
 from dockloop.scene.find import find_scene
+from dockloop.scene.mechanism import find_turning
 from dockloop.scene.placement import acts
 from dockloop.scene.resolve import SceneReader, has_contact_law, parse_value
 from dockloop.scene.values import as_setting, to_text
@@ -87,6 +89,10 @@ class Bench:
         self._busy = threading.Lock()
         self._counting = threading.Lock()
         self._newest = 0
+
+    def find_turning(self) -> dict[str, bool]:
+        """Return whether the coordinate of each force element is an angle, by name."""
+        return find_turning(self._scene.document["mechanism"], self._scene.path)
 
     def acts(self, name: str) -> bool:
         """Return whether something that can be set has an effect in the scene as it is."""
@@ -248,6 +254,7 @@ def _join_equal(entries: Mapping[str, Entry]) -> dict[str, Entry]:
 def describe_entries(bench: Bench) -> list[dict[str, Any]]:
     """Return what can be set, as the page shows it: texts, heading and range of a slider."""
     found = []
+    turning = bench.find_turning()
     for entry in bench.entries.values():
         heading = next((h for h, p in SLIDERS.items() if re.fullmatch(p, entry.name)), None)
         is_joined = _NUMBERED.sub(r"\1*\2", entry.name) in bench.entries.keys() - {entry.name}
@@ -255,7 +262,7 @@ def describe_entries(bench: Bench) -> list[dict[str, Any]]:
         found.append(
             {
                 "name": entry.name,
-                "unit": "" if entry.unit == "1" else entry.unit,
+                "unit": _find_unit(entry, turning),
                 "default": _say_default(entry),
                 "limits": ", ".join(entry.choices) if entry.choices else entry.limits,
                 "meaning": entry.meaning,
@@ -267,11 +274,21 @@ def describe_entries(bench: Bench) -> list[dict[str, Any]]:
     return found
 
 
+def _find_unit(entry: Entry, turning: Mapping[str, bool]) -> str:
+    """Return the unit of a value; of a law only that of its element, not that of others too."""
+    match = _LAW.fullmatch(entry.name)
+    elements = fnmatch.filter(turning, match[1]) if match else []
+    units = entry.unit.split(" or ")
+    if elements and len(units) > 1:
+        return units[turning[elements[0]]]
+    return "" if entry.unit == "1" else entry.unit
+
+
 def _find_label(entry: Entry) -> str:
     """Return what names a number of a law, with its kind; empty: the name says it."""
     if not (match := _LAW.fullmatch(entry.name)):
         return ""
-    member = re.sub(r"stages\.(\d+)\.2", r"stiffness of stage \1", match[2])
+    member = re.sub(r"stages\.(\d+)\.2", r"stage \1", match[2])
     return f"{match[1]}: {entry.meaning.partition(':')[0]} {member}"
 
 

@@ -40,6 +40,7 @@ from dockloop.result.summary import write_summary
 from dockloop.runs.docking import Scene, run
 from dockloop.scene.find import find_scene
 from dockloop.scene.hardware import find_extent, make_hardware
+from dockloop.scene.mechanism import find_turning
 from dockloop.scene.mechanism_drawing import SHEET, write_drawing
 from dockloop.studies.envelopes.band import read_draws
 from dockloop.studies.envelopes.command import Envelope, envelope
@@ -230,20 +231,13 @@ def list_travels(result: Result) -> Iterator[tuple]:
 
 
 def _find_parts(mechanism: dict, source: Path) -> dict[str, tuple[str, float, str]]:
-    """Return names of legs and elements as in their file, with factor and unit of their travel.
-
-    An element turns if it is the angle of a joint: with another ratio, that of a thread, it slides.
-    """
+    """Return names of legs and elements as in their file, with factor and unit of their travel."""
     length, angle = (1e3, "mm"), (np.degrees(1.0), "deg")
-    bodies = core.expand(mechanism, source)["bodies"] if "bodies" in mechanism else ()
-    turns = {body["name"] for body in bodies if body["joint"]["type"] == "revolute"}
     parts = {}
     for i, leg in enumerate(mechanism.get("legs", ()), 1):
         parts[f"leg[{i}]"] = (leg.get("name", f"leg[{i}]"), *length)
-    elements = (force for force in mechanism.get("forces", ()) if "laws" in force)
-    for i, element in enumerate(elements, 1):
-        is_angle = all(a["joint"] in turns and a.get("ratio", 1.0) == 1.0 for a in element["along"])
-        parts[f"element[{i}]"] = (element["name"], *(angle if is_angle else length))
+    for i, (name, turns) in enumerate(find_turning(mechanism, source).items(), 1):
+        parts[f"element[{i}]"] = (name, *(angle if turns else length))
     return parts
 
 

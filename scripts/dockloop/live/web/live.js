@@ -61,7 +61,7 @@
       slider.addEventListener('change', commit);
       row.append(slider);
     }
-    row.append(field, make('span', { className: 'unit', textContent: entry.unit }), why);
+    row.append(field, make('span', { className: 'unit', textContent: entry.unit, title: entry.unit }), why);
     row.dataset.name = name;
     place.append(row);
     rows.set(name, { entry, row, field, hint, slider, why, short });
