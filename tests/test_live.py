@@ -899,6 +899,7 @@ def test_a_long_docking_is_stopped_in_the_page(window, how):
 @needs_browser
 def test_keys_of_the_panel(window):
     start_again(window)
+    window.run("document.activeElement.blur()")  # a field takes the letter
     hit(window, "/", "Slash", 191, text="/")
     assert window.run("document.activeElement.id") == "find"
     assert window.run("document.activeElement.value") == ""
