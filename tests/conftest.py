@@ -19,6 +19,7 @@ import pytest
 # Threads of numpy's linear algebra wait for each other on small matrices, on busy cores for long.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import dockloop as dl
 from dockloop import cli
 from dockloop.base import paths
 from dockloop.fmu.build import build_fmu
@@ -130,6 +131,19 @@ def native() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patched:
         patched.setenv(NATIVE, str(paths.COMPILED))
         yield
+
+
+@pytest.fixture(scope="session")
+def imported(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The default docking with an imported mechanism, as in modelDescription/IMPORT.md."""
+    mine = dl.import_mechanism(paths.ROOT / "scripts/examples/stewart.sdf", ring="ring").document
+    shipped = json.loads((paths.MECHANISMS / "idss_hexapod.json").read_text())
+    mine |= {member: shipped[member] for member in ("contact", "latches", "limits")}
+    folder = tmp_path_factory.mktemp("imported")
+    (folder / "stewart.json").write_text(json.dumps(mine))
+    scene = (paths.SCENES / "idss_25t_350t.toml").read_text()
+    (folder / "first.toml").write_text(scene.replace('"idss_hexapod"', '"stewart"'))
+    return folder / "first.toml"
 
 
 @pytest.fixture

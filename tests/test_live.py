@@ -23,11 +23,15 @@ import time
 import tracemalloc
 import webbrowser
 from argparse import Namespace
+from contextlib import suppress
 
+import numpy as np
 import pytest
 
 import dockloop as dl
-from dockloop.base.errors import UsageError
+from conftest import SCENES
+from dockloop.base import paths
+from dockloop.base.errors import DockloopError, UsageError
 from dockloop.commands import live
 from dockloop.live.bench import (
     Bench,
@@ -43,6 +47,7 @@ from dockloop.view import browser as chromium
 from live_pages import REFINED, Online, ask, list_own_options, serve
 
 DEFAULT, SMALL = "idss_25t_350t", "absorber_1d"
+RIG, MAGNETS = "rig/bench.toml", "magnets/magnets.toml"  # of the examples
 SETTINGS = {
     "initial.closing_speed": "0.07",
     "mechanism.set.latches.range": "0.018",
@@ -60,6 +65,11 @@ def server():
         yield made
 
 
+def open_bench(scene):
+    folder = paths.ROOT / "scripts" / "examples"
+    return Bench(str(folder / scene) if scene.endswith(".toml") else scene)
+
+
 def run(server, settings, **more):
     status, _, body = ask(server, body={"settings": settings, **more})
     return status, json.loads(body)
@@ -69,15 +79,19 @@ def run(server, settings, **more):
 
 
 @pytest.mark.usefixtures("native")  # the command runs an FMU, the page the core
-@pytest.mark.parametrize("more", [{}, SETTINGS])
-def test_the_page_has_the_bits_of_the_exported_command(dockloop, more):
-    bench = Bench(DEFAULT, ["experiment.stop=4"])
-    shown = json.loads(json.dumps(condense(bench.compute(more))))
+@pytest.mark.parametrize(
+    ("scene", "more"), [*((scene, {}) for scene in [*SCENES, RIG, MAGNETS]), (DEFAULT, SETTINGS)]
+)
+def test_the_page_has_the_bits_of_the_exported_command(dockloop, scene, more, tmp_path):
+    bench = open_bench(scene)
+    result = bench.compute(more)
     words = shlex.split(make_exports(bench, more)["command"])
-    assert words[:3] == ["dockloop", "run", DEFAULT]
-    ran = dockloop.read(*words[1:], "--json", "--no-plots")
+    assert words[:3] == ["dockloop", "run", bench.reference]
+    file = tmp_path / "own.npz"
+    ran = dockloop.read(*words[1:], "--json", "--no-plots", "-o", file)
+    assert np.array_equal(np.load(file)["values"], result.values, equal_nan=True)
+    shown = json.loads(json.dumps(condense(result)))
     assert shown == {name: ran[name] for name in shown}
-    assert {"outcome", "time_of_contact", "peak_loads", "energy"} <= shown.keys()
 
 
 def test_python_lines_and_scene_file_give_the_same_docking(tmp_path, monkeypatch):
@@ -136,10 +150,86 @@ def test_defaults_follow_from_settings():
 def test_a_slider_can_be_moved():
     for scene, contact in ((SMALL, set()), (DEFAULT, {"contact.stiffness"})):
         bench = Bench(scene, ["experiment.stop=0.1"])
-        shown = [row for row in describe_entries(bench) if row["heading"]]
-        assert {row["name"] for row in shown} & {"contact.stiffness"} == contact
-        for row in shown:
-            bench.compute({row["name"]: row["default"]}, is_coarse=True)
+        shown = list_sliders(bench)
+        assert shown.keys() & {"contact.stiffness"} == contact
+        for name, row in shown.items():
+            bench.compute({name: row["default"]}, is_coarse=True)
+
+
+def list_sliders(bench):
+    return {row["name"]: row for row in describe_entries(bench) if row["heading"]}
+
+
+FAMILIES = [DEFAULT, "hexapod", "apda", "probe_drogue", "gripper", "stewart", SMALL, RIG, MAGNETS]
+KINDS = {  # of sliders that matter, and the families without them
+    r".*(stiffness|stages\.1\.2|table factor)": (),
+    r".*(damping|slope|linear|restitution)": (RIG,),
+    r".*(friction_coefficient|forward)": (SMALL, RIG),
+    r"chaser\.mass": (RIG,),  # on a fixed base
+}
+
+# What acts in other dockings only: of what is zero, at a stop, a limit, more travel, a later step.
+ELSEWHERE = r"direction|latches\.window|: (stop|drive limit|brake|motor)|stage 2"
+
+
+@pytest.fixture(scope="module", params=FAMILIES)
+def family(request):
+    """A scene of each family, and one with an imported mechanism."""
+    if request.param != "stewart":
+        return request.param, open_bench(request.param)
+    return request.param, Bench(str(request.getfixturevalue("imported")))
+
+
+def test_the_quantities_that_matter_have_sliders(family):
+    name, bench = family
+    shown = [f"{row['name']} {row['label']}" for row in list_sliders(bench).values()]
+    for kind, lacking in KINDS.items():
+        assert any(re.match(kind, text) for text in shown) == (name not in lacking), kind
+    laws = [row for name, row in list_sliders(bench).items() if ".laws." in name]
+    assert all(re.match(r"[\w*]+: [a-z]+ \w", row["label"]) for row in laws)
+    assert len(shown) < 45
+
+
+@pytest.mark.long
+def test_a_slider_that_is_moved_changes_the_docking(family):
+    _, bench = family
+    before = bench.compute({}, is_coarse=True)
+    others = [k for k, name in enumerate(before.names) if not name.startswith("solver.")]
+    sliders = list_sliders(bench)
+
+    def is_moved(name, part):
+        low, high, is_log = sliders[name]["range"]
+        value = low * (high / low) ** part if is_log else low + (high - low) * part
+        with suppress(DockloopError):
+            after = bench.compute({name: repr(value)}, is_coarse=True)
+            return not np.array_equal(after.values[:, others], before.values[:, others])
+        return False
+
+    for name, row in sliders.items():
+        if not re.search(ELSEWHERE, f"{name} {row['label']}"):
+            assert is_moved(name, 0.75) or is_moved(name, 0.1), name
+
+
+def test_equal_parts_have_one_slider():
+    bench = Bench("gripper", ["experiment.stop=0.5"])
+    name = "mechanism.set.forces.finger*.laws.1.limit"
+    shown = list_sliders(bench)
+    assert (shown[name]["label"], shown[name]["unit"]) == ("finger*: drive limit", "N m")
+    spring = shown["mechanism.set.forces.palm.laws.1.stages.1.2"]
+    assert (spring["label"], spring["unit"]) == ("palm: spring stage 1", "N/m")
+    assert "mechanism.set.forces.finger1.laws.1.limit" not in shown
+    each = {name.replace("*", str(k)): "20" for k in (1, 2, 3)}
+    assert condense(bench.compute({name: "20"})) == condense(bench.compute(each))
+    assert name not in Bench("gripper", ["mechanism.set.forces.finger1.laws.1.limit=20"]).entries
+
+
+def test_what_cannot_act_has_no_slider_and_is_said():
+    bench = open_bench(MAGNETS)
+    assert not any(name.startswith("initial.") for name in list_sliders(bench))
+    result = bench.compute({"initial.lateral_offset": "0.8", "initial.roll_deg": "3"})
+    said = "initial.lateral_offset and initial.roll_deg have no effect while initial.at is not"
+    assert [text for text in result.warnings if said in text]
+    assert bench.compute({"target.position.2": "0.005"}).warnings == []
 
 
 # ------------------------------------------------------------------- which requests are answered
@@ -527,9 +617,7 @@ def test_undo_redo_reset_and_the_link(window, server):
     assert window.run("live.settings") == []
     assert window.run("location.hash") == ""
     for key, code, expected in (("z", "KeyZ", changed), ("y", "KeyY", [])):
-        common = {"key": key, "code": code, "modifiers": 2, "windowsVirtualKeyCode": ord(key) - 32}
-        window.call("Input.dispatchKeyEvent", type="keyDown", **common)
-        window.call("Input.dispatchKeyEvent", type="keyUp", **common)
+        hit(window, key, code, ord(key) - 32, modifiers=2)
         assert window.run("live.settings") == expected
     for _ in range(2):
         window.run("document.getElementById('undo').click()")
@@ -605,7 +693,7 @@ def test_a_kept_docking_is_compared_with_the_error_of_each_figure(window):
         )
         now, other, said = window.run(
             "[...[...document.querySelectorAll('#figures tbody tr')].find((row) =>"
-            " row.firstChild.textContent === 'compression').querySelectorAll('td')]"
+            " row.firstChild.firstChild.data === 'compression').querySelectorAll('td')]"
             ".map((cell) => [...cell.childNodes].map((node) => node.textContent))"
         )
         assert float(now[1].removeprefix("± ")) == pytest.approx(e, rel=0.06)
@@ -635,6 +723,13 @@ def start_again(window):
     """Reset all settings and wait until the docking is the first one."""
     click_button(window, "reset")
     window.wait(f"live.settings.length === 0 && {REFINED}")
+
+
+def hit(window, key, code, virtual, **more):
+    """Press a key and let it go."""
+    more |= {"key": key, "code": code, "windowsVirtualKeyCode": virtual}
+    for kind in ("keyDown", "keyUp"):
+        window.call("Input.dispatchKeyEvent", type=kind, **more)
 
 
 def click_button(window, name):
@@ -740,10 +835,84 @@ def test_the_docking_that_is_shown_is_taken_home(window):
     window.wait(text)
     words = shlex.split(window.run(text))
     assert words[:3] == ["dockloop", "run", SMALL]
-    assert words[3:] == ["--scene", "initial.closing_speed=0.07"]
+    assert words[3:] == ["--scene", "initial.closing_speed=0.07", "--no-kernel"]
     window.run("document.getElementById('link').click()")
     assert "chaser" not in window.run(text)
     assert "0.07" in window.run(text)
+
+
+TEXT = "document.getElementById('text').value"
+SAVED = """(() => {
+  window.saved = [];
+  window.make = window.make || URL.createObjectURL;
+  URL.createObjectURL = (blob) => { saved.push(blob); return make(blob); };
+  HTMLAnchorElement.prototype.click = function () { saved.push(this.download); };
+})()"""
+
+
+@pytest.mark.long
+@needs_browser
+@pytest.mark.parametrize("what", ["command", "report", "film", "python", "scene", "PNG"])
+def test_all_that_is_taken_home(window, what):
+    start_again(window)
+    window.run(f"{SAVED}; {TEXT} = ''")
+    chosen = "#picture" if what == "PNG" else f"[data-text={what}]"
+    window.run(f"document.querySelector('#home {chosen}').click()")
+    if what == "PNG":
+        window.wait("saved.length === 2")
+        assert window.run("saved[1]") == f"{SMALL}.png"
+        bytes_ = "saved[0].arrayBuffer().then((a) => [...new Uint8Array(a).slice(0, 4)])"
+        assert bytes(window.run(bytes_)) == b"\x89PNG"
+    else:
+        window.wait(TEXT)
+        expected = make_exports(Bench(SMALL), {})[what]
+        assert window.run(TEXT) == expected
+        if what == "scene":
+            assert window.run("saved[1]") == f"{SMALL}_live.toml"
+            assert window.run("saved[0].text()") == expected
+    assert window.find_bad() == []
+
+
+@pytest.mark.long
+@needs_browser
+@pytest.mark.parametrize("how", ["button", "escape"])
+def test_a_long_docking_is_stopped_in_the_page(window, how):
+    start_again(window)
+    stop = "document.getElementById('stop')"
+    for name, text in (LONG | {"solver.step": "1e-6"}).items():
+        window.run(f"live.change({name!r}, {text!r})")
+    window.run("live.commit()")
+    window.wait(f"!{stop}.disabled")
+    began = time.monotonic()
+    if how == "button":
+        click_button(window, "stop")
+    else:
+        hit(window, "Escape", "Escape", 27)
+    assert window.read("status") == "stopped"
+    assert window.run(f"{stop}.disabled")
+    start_again(window)  # the server computes the next one
+    assert time.monotonic() - began < 20.0
+    assert window.find_bad() == []
+
+
+@pytest.mark.long
+@needs_browser
+def test_keys_of_the_panel(window):
+    start_again(window)
+    window.run("document.activeElement.blur()")  # a field takes the letter
+    hit(window, "/", "Slash", 191, text="/")
+    assert window.run("document.activeElement.id") == "find"
+    assert window.run("document.activeElement.value") == ""
+    slider = f"{ROW.format('chaser.mass')}.querySelector('[type=range]')"
+    window.run(f"{slider}.focus()")
+    before = window.run(f"{slider}.valueAsNumber")
+    for key, virtual, places in (("PageUp", 33, 100), ("PageDown", 34, 0), ("ArrowRight", 39, 1)):
+        hit(window, key, key, virtual)
+        assert window.run(f"{slider}.valueAsNumber") == before + places
+        window.wait(REFINED)
+    ((name, _),) = window.run("live.settings")
+    assert name == "chaser.mass"
+    assert window.find_bad() == []
 
 
 @pytest.mark.long
@@ -760,6 +929,21 @@ def test_the_live_page_is_usable_at_390_px(online, server):
         sizes = "[...document.querySelectorAll('body *')].filter((e) => e.textContent.trim())"
         sizes += ".map((e) => parseFloat(getComputedStyle(e).fontSize))"
         assert small.run(f"Math.min(...{sizes})") >= 11
+
+
+@pytest.mark.long
+@needs_browser
+def test_a_kept_docking_leaves_the_part_of_rated_loads(online):
+    with serve(DEFAULT) as other:
+        for width in (1280, 390):
+            with online(width, 844) as page:
+                page.open(other.url)
+                click_button(page, "keep")
+                found = "[...document.querySelectorAll('#figures th small')]"
+                texts = page.run(f"{found}.map((e) => e.textContent)")
+                assert len(texts) == 5
+                assert all(re.fullmatch(r"[\d.]+ % of rated", text) for text in texts)
+                assert page.run(f"{found}.every((e) => e.scrollWidth <= e.clientWidth)")
 
 
 @pytest.mark.long

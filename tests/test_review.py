@@ -59,14 +59,30 @@ def test_a_review_has_all_parts_and_repeats(dockloop, tmp_path, fit_file):
 def test_travel_is_laid_against_stops():
     slides = dl.run("idss_25t_350t", stop=4.0)
     rows = list(list_travels(slides))
-    assert [row[0] for row in rows] == [f"leg[{i}]" for i in range(1, 7)]
+    assert [row[0] for row in rows] == [f"leg{i}" for i in range(1, 7)]
     _, low, high, lower, upper, unit, left = rows[2]
-    assert (lower, upper, unit) == (0.65, 1.233, "m")
-    assert (low, high) == (slides["leg[3].length"].min(), slides["leg[3].length"].max())
+    assert (lower, upper, unit) == (650, 1233, "mm")
+    length = 1e3 * slides["leg[3].length"]
+    assert (low, high) == pytest.approx((length.min(), length.max()), rel=1e-15)
     assert left == f"{min(low - lower, upper - high) / (upper - lower):.0%}"
     laws = list(list_travels(dl.run("hexapod", stop=0.1)))
-    assert {(row[3], row[4]) for row in laws if "element" in row[0]} == {(-0.2825, 0.3005)}
+    assert [row[0] for row in laws] == [f"leg{i}" for i in range(1, 7)]
+    assert {row[3:6] for row in laws} == {(-282.5, 300.5, "mm")}
     assert not list(list_travels(dl.run("absorber_1d", stop=0.1)))
+
+
+def test_travel_has_the_names_and_units_of_the_elements(imported):
+    palm, *fingers = list_travels(dl.run("gripper", stop=0.5))
+    assert (palm[0], palm[3:6]) == ("palm", (-120, 80, "mm"))
+    assert [row[0] for row in fingers] == ["finger1", "finger2", "finger3"]
+    ends = np.degrees([-0.4, 1.1])
+    assert {row[5] for row in fingers} == {"deg"}
+    assert fingers[1][3:5] == pytest.approx(ends)
+    apda = list(list_travels(dl.run("apda", stop=0.1)))
+    assert apda[-1][3:6] == (-280, 20, "mm")  # along its thread
+    slides = list(list_travels(dl.run(imported, stop=0.1)))
+    assert [row[0] for row in slides] == [f"slide{i}" for i in range(1, 7)]
+    assert {row[3:6] for row in slides} == {(-200, 150, "mm")}
 
 
 def test_the_boundary_is_looked_for_in_the_worst_direction(dockloop, tmp_path):

@@ -246,6 +246,21 @@ def list_numbers(node, path=()):
             yield from list_numbers(value, (*path, number))
 
 
+def test_an_override_sets_one_number_of_a_list():
+    assert resolve("target.position.2=3", scene="absorber_1d")["target"]["position"][1] == 3
+    springs = resolve("mechanism.set.forces.side*.laws.1.stages.1.2=7", scene="probe_drogue")
+    stages = {e["name"]: e["laws"][0].get("stages") for e in springs["mechanism"]["forces"]}
+    assert [stages[f"side{k}"] for k in range(1, 5)] == 4 * [[[0, 7]]]
+    assert stages["probe"] == [[0, 4000]]
+    for key in ("target.position.4", "target.mass.1"):
+        with pytest.raises(UsageError, match=f"a scene has no key '{key}'"):
+            resolve(f"{key}=1", scene="absorber_1d")
+    with pytest.raises(UsageError, match=r"laws\[1\]\.stages\[1\]\[2\] is -4: must be at least 0"):
+        resolve("mechanism.set.forces.side1.laws.1.stages.1.2=-4", scene="probe_drogue")
+    with pytest.raises(UsageError, match="must end with the name of a member, or the place of"):
+        resolve("mechanism.set.forces.side1.laws.1.stages.1.3=4", scene="probe_drogue")
+
+
 def test_a_changed_number_is_checked_as_with_its_whole_document():
     """One member of each kind in all shipped files: the same sentence, or none."""
     documents = [("scene", read_toml(file)[0]) for file in sorted(paths.SCENES.glob("*.toml"))]

@@ -678,6 +678,33 @@ def test_the_console_stays_without_errors_and_nothing_is_asked_for(window):
     assert bad == []
 
 
+LAY = """(() => {
+  const data = structuredClone(dockloop.data), span = document.getElementById('span');
+  const line = new Float32Array(data.meta.samples).map((_, i) => -i);
+  const packed = btoa(String.fromCharCode(...new Uint8Array(line.buffer)));
+  data.columns['relative.axial'] = { type: 'f4', shape: [line.length], data: packed };
+  const pen = CanvasRenderingContext2D.prototype, { beginPath, lineTo } = pen, paths = [];
+  pen.beginPath = function () { paths.push([]); beginPath.call(this); };
+  pen.lineTo = function (...point) { paths.at(-1).push(point); lineTo.call(this, ...point); };
+  dockloop.load(data);
+  span.value = 'all';
+  span.dispatchEvent(new Event('change'));
+  dockloop.show(0);
+  Object.assign(pen, { beginPath, lineTo });
+  return paths.filter((path) => path.length > 100);
+})()"""
+
+
+@pytest.mark.long
+@needs_browser
+def test_a_falling_line_stays_one_with_many_samples_on_a_pixel(window):
+    window.run("window.before = dockloop.data")
+    paths = [np.diff(path, axis=0) for path in window.run(LAY)]
+    window.run("dockloop.load(before)")
+    assert all((steps[:, 0] >= 0.0).all() for steps in paths)
+    assert any((steps[:, 1] > 0.0).all() for steps in paths)  # downwards
+
+
 def clock(window):
     window.settle()
     return float(window.run("document.getElementById('clock').textContent").split()[0])

@@ -241,7 +241,7 @@ TEST(ContactModel, PetalForcesAddUpToTheForceWhenNoNodeTouches) {
 }
 
 /// Everything in a result as bytes, but the gap (with a list it may be a bound).
-bool same_bits(const ContactResult<double>& a, const ContactResult<double>& b) {
+bool equals_in_bits(const ContactResult<double>& a, const ContactResult<double>& b) {
   const auto same = [](const V& x, const V& y) {
     return std::memcmp(x.data(), y.data(), 3 * sizeof(double)) == 0;
   };
@@ -281,7 +281,7 @@ TEST(ContactModel, SleepByPairChangesNoBit) {
         const Status sa = calc_contact<double>(model, {}, x, z.data(), dot_a.data(), work, a);
         const Status sb = calc_contact<double>(model, memory, x, z.data(), dot_b.data(), work, b);
         if (!sa.ok() || !sb.ok()) break;
-        ASSERT_TRUE(same_bits(a, b)) << i << " " << k;
+        ASSERT_TRUE(equals_in_bits(a, b)) << i << " " << k;
         ASSERT_EQ(dot_a, dot_b);
         const double gap = find_gap<double>(model, {}, x, work);
         ASSERT_EQ(find_gap<double>(model, memory, x, work), gap);

@@ -136,7 +136,7 @@ class Checker:
         for part in path:
             inner = resolve(node, root)
             if isinstance(part, int):
-                node = inner["items"]
+                node = inner["prefixItems"][part] if "prefixItems" in inner else inner["items"]
             else:
                 others = inner.get("additionalProperties")
                 node = known_members(node, root, document).get(part, others or {})

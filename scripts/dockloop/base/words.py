@@ -16,5 +16,8 @@ def list_words(
         words += [word for text in texts for word in (option, text)]
     for name in names:
         value = getattr(options, name)
-        words += [] if value is None else [f"--{name}", write(value)]
+        if isinstance(value, bool):
+            words.append(f"--{name}" if value else f"--no-{name}")
+        elif value is not None:
+            words += [f"--{name}", write(value)]
     return words

@@ -119,6 +119,15 @@ class Command(argparse.ArgumentParser):
         self.add_option("--stop", "T", "end of the run [s]", type=finite)
         self.add_option("--step", "H", "communication step [s]", type=finite)
 
+    def add_kernel(self) -> None:
+        """Add whether an FMU that is built has a kernel."""
+        self.add_argument(
+            "--kernel",
+            action=argparse.BooleanOptionalAction,
+            help="with compiled code of its own for the mechanism, or without (default: with it"
+            " where there is a C compiler; results are the same but for rounding)",
+        )
+
     def add_assured(self) -> None:
         """Add that every figure shall be within the wanted accuracy."""
         self.add_flag(

@@ -1,7 +1,5 @@
 """``dockloop build``: the FMU of a scene, or its document for programs in C++."""
 
-import argparse
-
 from dockloop.base.errors import UsageError
 from dockloop.base.paths import shown
 from dockloop.commands.arguments import Command, Options
@@ -17,12 +15,7 @@ def add_options(command: Command) -> None:
     command.add_output("FILE.fmu", text)
     text = "run the default experiment and put its result into the FMU (folder extra)"
     command.add_flag("--reference", text)
-    command.add_argument(
-        "--kernel",
-        action=argparse.BooleanOptionalAction,
-        help="with compiled code of its own for the mechanism, or without (default: with it where"
-        " there is a C compiler; results are the same)",
-    )
+    command.add_kernel()
 
 
 def run(options: Options) -> None:

@@ -20,6 +20,7 @@ def add_options(command: Command) -> None:
     command.add_argument("scene", metavar="SCENE|FILE.fmu", help="a scene (built first), or an FMU")
     command.add_scene_keys()
     command.add_run()
+    command.add_kernel()
     text = "start values of a file of SSP; what --set says comes later"
     command.add_option("--ssv", "FILE.ssv", text, type=file_path)
     command.add_output(
@@ -72,8 +73,8 @@ def run(options: Options) -> None:
     from dockloop.scene.resolve import list_matches
 
     is_fmu = options.scene.endswith(".fmu")
-    if is_fmu and options.overrides:
-        raise UsageError("--scene changes a scene before it is built; for an FMU use --set")
+    if is_fmu and (options.overrides or options.kernel is not None):
+        raise UsageError("--scene and --kernel change what is built; for an FMU use --set")
     if options.output and options.output.suffix not in SUFFIXES:
         raise UsageError(f"-o {options.output}: must end in {', '.join(SUFFIXES)}")
 
@@ -92,7 +93,8 @@ def run(options: Options) -> None:
 
     with scratch() as folder:
         if not is_fmu:
-            fmu = build_fmu(options.scene, options.overrides, folder / f"{name}.fmu", bare=True)
+            made = folder / f"{name}.fmu"
+            fmu = build_fmu(options.scene, options.overrides, made, options.kernel, bare=True)
 
         _complete_settings(options, fmu)
 
@@ -178,7 +180,7 @@ def _write_files(options: Options, result: "Result", summary: dict, file: Path) 
         sections = complete_report(
             summary,
             [file for file in files if file.suffix == ".png"],
-            ["dockloop", "run", options.scene, *list_words(options, ("stop", "step"))],
+            ["dockloop", "run", options.scene, *list_words(options, ("stop", "step", "kernel"))],
             _find_view(file) if options.view else None,
         )
         files.append(find_html(file))

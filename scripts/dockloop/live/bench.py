@@ -1,17 +1,23 @@
 """The docking of a live page: settings in, data of the page out, the newest request only."""
 
+import fnmatch
 import re
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 from dockloop.base.errors import DockloopError, UsageError
+from dockloop.native.core import has_only_legs
+from dockloop.native.variables import VEHICLES
 from dockloop.result.accuracy import estimate_error
 from dockloop.result.recording import Result
 from dockloop.runs.docking import Scene, run
 from dockloop.scene.catalogue import Entry, list_entries
 from dockloop.scene.find import find_scene
+from dockloop.scene.mechanism import find_turning
+from dockloop.scene.placement import acts
 from dockloop.scene.resolve import SceneReader, has_contact_law, parse_value
 from dockloop.scene.values import as_setting, to_text
 from dockloop.view.page import make_data
@@ -24,11 +30,18 @@ SLIDERS = {
     "initial conditions": r"initial\.(closing_speed|lateral_\w+|pitch_yaw_\w+|roll_\w+)",
     "vehicles": r"(chaser|target)\.mass|chaser\.contact_thrust",
     "contact": r"(mechanism\.set\.)?contact\.(stiffness|damping|friction_coefficient|restitution)",
-    "legs and springs": r"mechanism\.set\.(leg_defaults\.(stiffness|damping)"
-    r"|forces\.\w+\.laws\.\d+\.(slope|stiffness|preload))",
+    "legs and springs": r"mechanism\.set\.((leg_defaults|legs\.[^.]+)\.(stiffness|damping)"
+    r"|(patterns\.\w+\.)?forces\.[^.]+\.(laws\.\d+\.(stages\.\d+\.2|slope|linear|quadratic"
+    r"|stiffness|preload|forward|back|force|limit|current_limit|factor)"
+    r"|stiffness|damping|preload))",
+    "forces between the vehicles": r"force\[\d+\]\.(stiffness|damping|free_length|scale|size"
+    r"|(chaser|target)_moment\[1\])",
     "latches": r"mechanism\.set\.latches\.(range|catch|play|window|push_force|stiffness)",
 }
+_NUMBERED = re.compile(r"(mechanism\.set\.(?:legs|forces)\.[^.*]*?)\d+(\..+)")  # parts of a kind
+_LAW = re.compile(r"mechanism\.set\.(?:patterns\.\w+\.)?forces\.([^.]+)\.laws\.\d+\.(.+)")
 _HALF_TURN = 180.0  # deg
+_WIDTHS = {"N": 100.0}  # of sliders from 0, by unit
 _NAME = r"[A-Za-z0-9_.\[\]*#-]+"  # of a setting: what a value begins with must not be in it
 
 
@@ -52,7 +65,7 @@ class Bench:
         base: settings that the page begins with, as texts by name; its own come on top.
         entries: everything that can be set, by name; of two things with one name the key of the
             scene, as sweeps choose.
-        has_contact_law: whether keys ``contact.*`` of the scene can be set.
+        options: of ``dockloop run``, so that its docking has the bits of this one.
     """
 
     def __init__(self, reference: str, overrides: list[str] | tuple[str, ...] = ()) -> None:
@@ -71,10 +84,27 @@ class Bench:
         self.entries = _find_entries(reference, overrides)
         self._reader = SceneReader(find_scene(reference))
         self._scene = Scene(reference, self.split({})[0], self._reader)
-        self.has_contact_law = has_contact_law(self._scene.document["mechanism"])
+        document = self._scene.document  # of a docking as computed here, an FMU has no kernel
+        self.options = [] if has_only_legs(document, self._scene.path) else ["--no-kernel"]
         self._busy = threading.Lock()
         self._counting = threading.Lock()
         self._newest = 0
+
+    def find_turning(self) -> dict[str, bool]:
+        """Return whether the coordinate of each force element is an angle, by name."""
+        return find_turning(self._scene.document["mechanism"], self._scene.path)
+
+    def acts(self, name: str) -> bool:
+        """Return whether something that can be set has an effect in the scene as it is."""
+        document, section = self._scene.document, name.partition(".")[0]
+        mechanism = document["mechanism"]
+        if section == "contact":
+            return has_contact_law(mechanism)
+        if name.startswith("chaser.contact_thrust") and "sequence" in mechanism:
+            actions = (a for step in mechanism["sequence"]["steps"] for a in step.get("do", ()))
+            return any("thrust" in action for action in actions)
+        is_fixed = section in VEHICLES and document[section]["motion"] == "fixed"
+        return acts(name, document) and not is_fixed
 
     def split(self, settings: Mapping[str, str]) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the keys of the scene and the start values among settings, with their values.
@@ -203,27 +233,63 @@ def _find_entries(reference: str, overrides: Sequence[str]) -> dict[str, Entry]:
     for entry in list_entries(reference, overrides):
         if entry.set_by:
             entries.setdefault(entry.name, entry)
-    return entries
+    return entries | _join_equal(entries)
+
+
+def _join_equal(entries: Mapping[str, Entry]) -> dict[str, Entry]:
+    """Return one entry for the parts of a kind (leg1, leg2, ...) if they agree, by its pattern."""
+    kinds: dict[tuple[str, str], list[Entry]] = {}
+    for entry in entries.values():
+        if match := _NUMBERED.fullmatch(entry.name):
+            kinds.setdefault((match[1], match[2]), []).append(entry)
+    joined = {}
+    for (begin, end), parts in kinds.items():
+        like = {tuple(name.split(".")[:4]) for name in entries if name.startswith(begin)}
+        first, *others = (replace(part, name=f"{begin}*{end}") for part in parts)
+        if others and len(like) == len(parts) and all(other == first for other in others):
+            joined[first.name] = first
+    return joined
 
 
 def describe_entries(bench: Bench) -> list[dict[str, Any]]:
     """Return what can be set, as the page shows it: texts, heading and range of a slider."""
     found = []
+    turning = bench.find_turning()
     for entry in bench.entries.values():
         heading = next((h for h, p in SLIDERS.items() if re.fullmatch(p, entry.name)), None)
-        is_dead = entry.name.startswith("contact.") and not bench.has_contact_law
+        is_joined = _NUMBERED.sub(r"\1*\2", entry.name) in bench.entries.keys() - {entry.name}
+        is_live = entry.default is not None and bench.acts(entry.name) and not is_joined
         found.append(
             {
                 "name": entry.name,
-                "unit": "" if entry.unit == "1" else entry.unit,
+                "unit": _find_unit(entry, turning),
                 "default": _say_default(entry),
                 "limits": ", ".join(entry.choices) if entry.choices else entry.limits,
                 "meaning": entry.meaning,
-                "heading": None if is_dead or entry.default is None else heading,
+                "label": _find_label(entry),
+                "heading": heading if is_live else None,
                 "range": find_range(entry),
             }
         )
     return found
+
+
+def _find_unit(entry: Entry, turning: Mapping[str, bool]) -> str:
+    """Return the unit of a value; of a law only that of its element, not that of others too."""
+    match = _LAW.fullmatch(entry.name)
+    elements = fnmatch.filter(turning, match[1]) if match else []
+    units = entry.unit.split(" or ")
+    if elements and len(units) > 1:
+        return units[turning[elements[0]]]
+    return "" if entry.unit == "1" else entry.unit
+
+
+def _find_label(entry: Entry) -> str:
+    """Return what names a number of a law, with its kind; empty: the name says it."""
+    if not (match := _LAW.fullmatch(entry.name)):
+        return ""
+    member = re.sub(r"stages\.(\d+)\.2", r"stage \1", match[2])
+    return f"{match[1]}: {entry.meaning.partition(':')[0]} {member}"
 
 
 def _say_default(entry: Entry) -> str:
@@ -249,7 +315,7 @@ def find_range(entry: Entry) -> tuple[float, float, bool] | None:
             (float(low_high[k]) for k in (1, 2)) if low_high[1] else (0.0, float(low_high[3]))
         )
         return low, high, False
-    width = 2.0 * abs(value) or 1.0
+    width = 2.0 * abs(value) or _WIDTHS.get(entry.unit, 1.0)
     return (0.0 if entry.limits.startswith(">") else -width), width, False
 
 

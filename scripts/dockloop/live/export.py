@@ -17,7 +17,7 @@ def make_command(bench: Bench, settings: Mapping[str, str]) -> str:
     """Return the command that runs the docking of these settings with the same bits."""
     overrides, starts = bench.split(settings)
     words = list_settings("--scene", overrides) + list_settings("--set", starts)
-    return shlex.join(["dockloop", "run", bench.reference, *words])
+    return shlex.join(["dockloop", "run", bench.reference, *words, *bench.options])
 
 
 def make_exports(bench: Bench, settings: Mapping[str, str]) -> dict[str, str]:

@@ -40,6 +40,7 @@ from dockloop.result.summary import write_summary
 from dockloop.runs.docking import Scene, run
 from dockloop.scene.find import find_scene
 from dockloop.scene.hardware import find_extent, make_hardware
+from dockloop.scene.mechanism import find_turning
 from dockloop.scene.mechanism_drawing import SHEET, write_drawing
 from dockloop.studies.envelopes.band import read_draws
 from dockloop.studies.envelopes.command import Envelope, envelope
@@ -211,9 +212,11 @@ _TRAVEL_HEADS = ("part", "lowest", "highest", "lower stop", "upper stop", "unit"
 def list_travels(result: Result) -> Iterator[tuple]:
     """Yield how far each leg and element came, at communication points, and what its stops leave.
 
-    What is left is the smallest distance to a stop, as a part of the travel between both.
+    What is left is the smallest distance to a stop, as a part of the travel between both. Angles
+    are in deg, lengths in mm.
     """
-    for name, unit in zip(result.names, result.units, strict=True):
+    shown = _find_parts(result.scene["mechanism"], Path(result.scene["name"]))
+    for name in result.names:
         for pattern, *ends in _TRAVELS:
             if not (found := re.fullmatch(pattern, name)):
                 continue
@@ -223,7 +226,19 @@ def list_travels(result: Result) -> Iterator[tuple]:
             if lower is None or upper is None:
                 continue
             left = min(low - lower, upper - high) / (upper - lower)
-            yield part, low, high, lower, upper, unit, f"{left:.0%}"
+            part, factor, unit = shown[part]
+            yield part, *(factor * x for x in (low, high, lower, upper)), unit, f"{left:.0%}"
+
+
+def _find_parts(mechanism: dict, source: Path) -> dict[str, tuple[str, float, str]]:
+    """Return names of legs and elements as in their file, with factor and unit of their travel."""
+    length, angle = (1e3, "mm"), (np.degrees(1.0), "deg")
+    parts = {}
+    for i, leg in enumerate(mechanism.get("legs", ()), 1):
+        parts[f"leg[{i}]"] = (leg.get("name", f"leg[{i}]"), *length)
+    for i, (name, turns) in enumerate(find_turning(mechanism, source).items(), 1):
+        parts[f"element[{i}]"] = (name, *(angle if turns else length))
+    return parts
 
 
 def _find_stop(result: Result, pattern: str) -> float | None:

@@ -1,7 +1,7 @@
 """Dockings in this process: a scene, a docking that is stepped, a run. No FMU, no files.
 
 The compiled core takes the steps that the FMU of the scene would take, with the same bits. (An FMU
-with generated code for its mechanism may differ by rounding: `dockloop.fmu.kernel`.)
+with generated code for its mechanism may differ by rounding: ``dockloop run --no-kernel``.)
 """
 
 import copy

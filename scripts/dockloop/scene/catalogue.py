@@ -21,10 +21,12 @@ from dockloop.scene.resolve import (
     LISTS,
     apply_override,
     entry_members,
+    expand_paths,
     find_entries,
     find_member,
     list_keys,
     resolve_scene,
+    set_member,
 )
 
 _KINDS = {  # headings of the list, in its order
@@ -201,27 +203,34 @@ def _list_mechanism(scene: dict, path: Path) -> Iterator[Entry]:
     """Yield the numbers of the mechanism file, as ``mechanism.set`` takes them."""
     if "mechanism" not in scene:
         return
-    changed = scene["mechanism"].get("set", {})
     root = schema.load_schema("mechanism")
-    mechanism = read_mechanism(find_mechanism(scene["mechanism"]["name"], path))
+    file = find_mechanism(scene["mechanism"]["name"], path)
+    mechanism = read_mechanism(file)
+    for dotted, value in expand_paths(mechanism, scene["mechanism"].get("set", {}), "").items():
+        set_member(mechanism, dotted, value, file, dotted)
 
     def follow(node: Any) -> dict:
         return {**schema.resolve(node, root), **node} if isinstance(node, dict) else {}
 
-    def walk(value: Any, node: dict, name: str) -> Iterator[Entry]:
+    def walk(value: Any, node: dict, name: str, law: str = "") -> Iterator[Entry]:
         if isinstance(value, dict):
             known = schema.known_members(node, root, value)
             for key, child in value.items():
-                yield from walk(child, follow(known.get(key)), f"{name}.{key}")
+                yield from walk(child, follow(known.get(key)), f"{name}.{key}", law)
         elif isinstance(value, list) and value and isinstance(value[0], dict):
             item = follow(node.get("items"))
             for number, child in enumerate(value, 1):
-                yield from walk(child, item, f"{name}.{child.get('name', number)}")
+                kind = child.get("type", "") if name.endswith(".laws") else law
+                yield from walk(child, item, f"{name}.{child.get('name', number)}", kind)
         elif not isinstance(value, str) and not name.endswith(".comment"):
             is_comment = isinstance(value, list) and any(isinstance(v, str) for v in value)
-            default = changed.get(name.removeprefix("mechanism.set."), value)
+            entry = _describe_key(name, "mechanism key", node, value)
             if not is_comment:
-                yield _describe_key(name, "mechanism key", node, default)
+                yield replace(entry, meaning=f"{law}: {entry.meaning}") if law else entry
+            columns = follow(node.get("items")).get("prefixItems", ())
+            for row, numbers in enumerate(value if columns else (), 1):
+                for column, (number, inner) in enumerate(zip(numbers, columns, strict=True), 1):
+                    yield from walk(number, follow(inner), f"{name}.{row}.{column}", law)
 
     yield from walk(mechanism, root, "mechanism.set")
 

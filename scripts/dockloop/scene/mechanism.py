@@ -98,6 +98,26 @@ def _read(mechanism: str | Path | dict) -> tuple[Path, dict]:
     return path, document
 
 
+def find_turning(mechanism: dict, source: Path) -> dict[str, bool]:
+    """Return whether the coordinate of each force element is an angle, by name.
+
+    It is one if it is that of a joint: with another ratio, that of a thread, it is a travel.
+
+    Args:
+        mechanism: of a resolved scene.
+        source: its file, for messages.
+    """
+    elements = [force for force in mechanism.get("forces", ()) if "laws" in force]
+    bodies = core.expand(mechanism, source)["bodies"] if elements else ()
+    turns = {body["name"] for body in bodies if body["joint"]["type"] == "revolute"}
+    return {
+        force["name"]: all(
+            term["joint"] in turns and term.get("ratio", 1.0) == 1.0 for term in force["along"]
+        )
+        for force in elements
+    }
+
+
 # Units of the facts of a report and of columns of its tables.
 _UNITS = {
     "mass": "kg",

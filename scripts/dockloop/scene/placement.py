@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import numpy as np
+
 from dockloop.base import paths
 from dockloop.base.errors import warn
 from dockloop.native.core import place
@@ -11,6 +13,32 @@ NEVER_TOUCH = (
     "with these conditions the capture surfaces never touch; the mating planes meet at the"
     " stated time instead"
 )
+NO_EFFECT = (
+    "no effect while initial.at is not 'first_contact': the states of [chaser] and [target] hold"
+)
+_STARTS = ("at", "capture_body", "joints")  # of [initial], all that acts at the start
+
+
+def acts(key: str, document: dict) -> bool:
+    """Return whether a key of a resolved scene acts, as conditions at first contact may not do."""
+    section, member = (*key.split("."), "")[:2]
+    is_at_start = document["initial"]["at"] != "first_contact"
+    return not (is_at_start and section == "initial" and member not in _STARTS)
+
+
+def _list_unused(initial: dict) -> list[str]:
+    """Return the keys of conditions at first contact that a scene without one states."""
+    values = {
+        "approach_time": initial["approach_time"],
+        "closing_speed": initial["closing_speed"],
+        "lateral_offset": initial["lateral"],
+        "pitch_yaw_deg": initial["tilt"],
+        "roll_deg": initial["roll"],
+        "lateral_speed": initial["lateral_velocity"],
+        "roll_rate_deg_s": initial["angular_velocity"][0],
+        "pitch_yaw_rate_deg_s": initial["angular_velocity"][1:],
+    }
+    return [f"initial.{key}" for key, value in values.items() if np.any(value)]
 
 
 def place_vehicles(document: dict, source: Path) -> None:
@@ -27,7 +55,9 @@ def place_vehicles(document: dict, source: Path) -> None:
 def find_placement(document: dict, source: Path) -> str:
     """Do the work of `place_vehicles`; returns a warning, or an empty text."""
     if document["initial"]["at"] != "first_contact":
-        return ""
+        unused = _list_unused(document["initial"])
+        verb = "have" if unused[1:] else "has"
+        return f"{' and '.join(unused)} {verb} {NO_EFFECT}" if unused else ""
     placed = place(document, source)
     for vehicle in VEHICLES:
         document[vehicle] |= placed[vehicle]

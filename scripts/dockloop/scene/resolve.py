@@ -239,16 +239,16 @@ def load_mechanism(
     path = find_mechanism(name, scene_path)
     mechanism = read_mechanism(path)
     where = f"{shown(scene_path)}: mechanism.set"
-    changed = _expand(mechanism, reference.get("set", {}), where)
+    changed = expand_paths(mechanism, reference.get("set", {}), where)
     places = {
-        f"mechanism.set.{dotted}": _set_member(mechanism, dotted, value, path, f"{where}.{dotted}")
+        f"mechanism.set.{dotted}": set_member(mechanism, dotted, value, path, f"{where}.{dotted}")
         for dotted, value in changed.items()
     }
     sequence = reference.get("sequence", {})
     if isinstance(mechanism.get("sequence"), dict) and "set" in sequence:
         steps = mechanism["sequence"].get("steps", [])
         where = f"{shown(scene_path)}: sequence.set"
-        sequence = {**sequence, "set": _expand(steps, sequence["set"], where)}
+        sequence = {**sequence, "set": expand_paths(steps, sequence["set"], where)}
     places |= _change_sequence(mechanism, sequence, path, scene_path)
     values = (*changed.values(), *sequence.get("set", {}).values())
     changes = dict(zip(places.values(), values, strict=True))
@@ -321,6 +321,13 @@ def _set_key(scene: dict, key: str, value: Any, text: str) -> tuple[str | int, .
         if key.startswith(prefix):
             return _set_entry(scene, prefix, key.removeprefix(prefix), value, text)
     known = scene_members()
+    whole, _, component = key.rpartition(".")
+    if component.isdecimal() and whole in known:
+        *sections, last = whole.split(".")
+        group = _find_section(scene, sections, text)
+        if numbers := _find_numbers(group, last, known[whole], component):
+            numbers[int(component) - 1] = value
+            return (*sections, last, int(component) - 1)
     if key not in known and not key.startswith(OPEN_KEYS):
         hint = did_you_mean(key, known)
         if any(name.startswith(f"{key}.") for name in known):
@@ -329,6 +336,13 @@ def _set_key(scene: dict, key: str, value: Any, text: str) -> tuple[str | int, .
     *sections, last = split_key(key)
     _find_section(scene, sections, text)[last] = value
     return (*sections, last)
+
+
+def _find_numbers(group: dict, member: str, node: dict, component: str) -> list | None:
+    """Return the list of a member that has a number of this place, from 1; None: there is none."""
+    numbers = group.setdefault(member, copy.deepcopy(node.get("default")))
+    has_it = isinstance(numbers, list) and component in map(str, range(1, len(numbers) + 1))
+    return numbers if has_it else None
 
 
 def _set_entry(scene: dict, prefix: str, key: str, value: Any, text: str) -> tuple[str | int, ...]:
@@ -359,10 +373,9 @@ def _set_entry(scene: dict, prefix: str, key: str, value: Any, text: str) -> tup
     if not component:
         entry[member] = value
         return where
-    defaults = {each: node.get("default") for each, node in members.items()}
-    numbers = entry.setdefault(member, copy.deepcopy(defaults[member]))
-    count = len(numbers) if isinstance(numbers, list) else 0
-    if component not in map(str, range(1, count + 1)):
+    numbers = _find_numbers(entry, member, members[member], component)
+    if numbers is None:
+        defaults = {each: node.get("default") for each, node in members.items()}
         lists = [m for m, known in (defaults | entry).items() if isinstance(known, list)]
         raise UsageError(
             f"--scene {text}: {member} of a {what} has no number '{component}':"
@@ -430,7 +443,9 @@ def _as_toml(word: re.Match) -> str:
 
 def is_scene_key(name: str) -> bool:
     """Return whether a name is a key of scenes; if not, it is a start value of the FMU."""
-    return name in scene_members() or name.startswith(OPEN_KEYS)
+    whole, _, last = name.rpartition(".")
+    known = scene_members()
+    return name in known or name.startswith(OPEN_KEYS) or (last.isdecimal() and whole in known)
 
 
 @cache
@@ -521,7 +536,7 @@ def _change_sequence(
     if not isinstance(mechanism.get("sequence"), dict):
         raise UsageError(f"{where}: the mechanism in {shown(path)} has no sequence")
     places = {
-        f"sequence.set.{dotted}": _set_member(
+        f"sequence.set.{dotted}": set_member(
             mechanism, f"sequence.steps.{dotted}", value, path, f"{where}.set.{dotted}"
         )
         for dotted, value in changes.get("set", {}).items()
@@ -538,7 +553,7 @@ def _change_sequence(
     return places
 
 
-def _expand(node: Any, settings: dict[str, Any], where: str) -> dict[str, Any]:
+def expand_paths(node: Any, settings: dict[str, Any], where: str) -> dict[str, Any]:
     """Return settings, where a path with ``*`` in its parts is replaced by all that are like it.
 
     Raises:
@@ -578,7 +593,7 @@ def list_matches(path: Path, overrides: list[str] | tuple[str, ...]) -> list[str
         if prefix := next((prefix for prefix in PATHS if key.startswith(prefix)), None):
             node = read_mechanism(find_mechanism(scene["mechanism"]["name"], path))
             node = node["sequence"]["steps"] if prefix == PATHS[1] else node
-            counts[text] = len(_expand(node, {key.removeprefix(prefix): 0}, ""))
+            counts[text] = len(expand_paths(node, {key.removeprefix(prefix): 0}, ""))
         notes.append(say_matches(text, counts[text]))
     return notes
 
@@ -593,7 +608,7 @@ def _list_children(node: Any) -> Iterator[tuple[str, Any]]:
             yield str(named), entry
 
 
-def _set_member(mechanism: dict, dotted: str, value: Any, path: Path, key: str) -> tuple:
+def set_member(mechanism: dict, dotted: str, value: Any, path: Path, key: str) -> tuple:
     """Set one member of a mechanism; list entries are addressed by name or number, from 1.
 
     Messages begin with `key`.
@@ -628,8 +643,13 @@ def _set_member(mechanism: dict, dotted: str, value: Any, path: Path, key: str) 
             raise UsageError(f"{key} cannot be set in {shown(path)}: {wrong}")
         node = child
         walked.append(part)
+    if isinstance(node, list) and last in map(str, range(1, len(node) + 1)):
+        number = int(last) - 1
+        if not isinstance(node[number], dict | list):
+            node[number] = value
+            return (*place, number)
     if not isinstance(node, dict):
-        raise UsageError(f"{key} must end with the name of a member")
+        raise UsageError(f"{key} must end with the name of a member, or the place of a number")
     node[last] = copy.deepcopy(value)
     return (*place, last)
 

@@ -164,7 +164,7 @@ def _open_core(job: Job, document: dict, _: list[float]) -> Iterator[Any]:
 @contextmanager
 def _open_fmu(job: Job, document: dict, times: list[float]) -> Iterator["FmuDocking"]:
     """Make the FMU of a case, and load it."""
-    touches = not find_placement(document, job.source)
+    touches = find_placement(document, job.source) != NEVER_TOUCH
     with scratch(_worker_folder()) as folder:
         write_fmu(document, job.source, folder / "case.fmu", kernel=False, bare=True)
         description, _ = unpack_fmu(folder / "case.fmu", folder)

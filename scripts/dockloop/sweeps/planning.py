@@ -37,14 +37,12 @@ from dockloop.result.run_errors import is_figure
 from dockloop.runs.assured import check_assurable, list_recorded
 from dockloop.runs.docking import run
 from dockloop.runs.outcome import Result
-from dockloop.scene.placement import find_placement
+from dockloop.scene.placement import NO_EFFECT, acts, find_placement
 from dockloop.scene.resolve import SceneReader, is_scene_key, scene_members
 from dockloop.scene.values import as_setting
 from dockloop.sweeps.cases import Job, list_case_points
 from dockloop.sweeps.journal import make_digest
 from dockloop.sweeps.sampling import Quantity, Sweep, Value
-
-_PLACED = ("capture_body", "joints")  # of [initial], all that the FMU reads itself
 
 
 def _list_outcomes() -> list[str]:
@@ -342,13 +340,8 @@ class Planner:
         """Check that there is something of this name that takes values of this kind."""
         place = f"{shown(self._sweep.path)}: {where} '{name}'"
         if is_scene_key(name):
-            placed = name.startswith("initial.") and name.split(".")[1] not in ("at", *_PLACED)
-            if (
-                placed
-                and where.startswith("vary")
-                and self.base["initial"]["at"] != "first_contact"
-            ):
-                raise UsageError(f"{place}: has no effect while initial.at is not 'first_contact'")
+            if where.startswith("vary") and not acts(name, self.base):
+                raise UsageError(f"{place}: has {NO_EFFECT}")
             return
         if "*" in name:
             for each in self._match(name):

@@ -44,7 +44,7 @@
       place.dataset.heading = heading;
       $('settings').append(place);
     }
-    const short = name.replace(/^(mechanism\.set|initial)\./, '');
+    const short = entry.label || name.replace(/^(mechanism\.set|initial)\./, '');
     const id = `set ${name}`.replaceAll(' ', '_');
     const field = make('input', { type: 'text', id, spellcheck: false, autocomplete: 'off' });
     const hint = make('small');
@@ -61,7 +61,7 @@
       slider.addEventListener('change', commit);
       row.append(slider);
     }
-    row.append(field, make('span', { className: 'unit', textContent: entry.unit }), why);
+    row.append(field, make('span', { className: 'unit', textContent: entry.unit, title: entry.unit }), why);
     row.dataset.name = name;
     place.append(row);
     rows.set(name, { entry, row, field, hint, slider, why, short });
@@ -271,13 +271,16 @@
     $('figures').tBodies[0].replaceChildren(...listFigures(summary).map(([name, unit, x, rated]) => {
       const other = before?.get(name), isNumber = typeof x === 'number' && typeof other === 'number';
       const change = isNumber ? (other ? `${x > other ? '+' : ''}${say2((x / other - 1) * 100)} %` : say(x - other)) : x === other ? '' : 'differs';
-      const cells = [[`${say(x)} ${unit}`], ...(kept ? [[say(other)], [change]] : [[rated ? say(rated) : ''], [rated ? `${((100 * x) / rated).toFixed(1)} %` : '']])];
+      const part = rated ? `${((100 * x) / rated).toFixed(1)} %` : '';
+      const cells = [[`${say(x)} ${unit}`], ...(kept ? [[say(other)], [change]] : [[rated ? say(rated) : ''], [part]])];
       if (isNumber) {
         const [mine, its] = [[shown, x], [kept.settings, other]].map(([key, figure]) => errorOf(key, name, figure));
         [mine, its].forEach((error, k) => cells[k].push(sayError(error)));
         cells[2].push(Math.abs(x - other) <= mine + its ? 'within error' : '');
       }
-      const row = make('tr', {}, make('th', { textContent: name, title: name }), ...cells.map(([text, error]) => {
+      const label = make('th', { textContent: name, title: name });
+      if (kept && part) label.append(make('small', { textContent: `${part} of rated` }));
+      const row = make('tr', {}, label, ...cells.map(([text, error]) => {
         const cell = make('td', { textContent: text, title: text });
         if (error !== undefined) cell.append(make('small', { textContent: error }));
         return cell;

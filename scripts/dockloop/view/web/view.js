@@ -680,16 +680,16 @@
 
   let range = [times[0], times[last]], chosenSpan = '';
 
-  /** Lay a path through samples: lowest and highest of every pixel. */
+  /** Lay a path through samples: of every pixel the first, the lowest, the highest and the last, in the order of their times. */
   function trace(pen, times, column, from, to, x, y) {
-    for (let i = from; i <= to;) {
+    for (let i = from, j = from; i <= to; i = j) {
       const pixel = Math.floor(x(times[i]));
-      let a = column[i], b = a, j = i;
-      while (j <= to && Math.floor(x(times[j])) === pixel) { a = Math.min(a, column[j]); b = Math.max(b, column[j]); j++; }
-      if (i === from) pen.moveTo(x(times[i]), y(column[i]));
-      if (j - i > 1) { pen.lineTo(pixel, y(a)); pen.lineTo(pixel, y(b)); }
-      pen.lineTo(x(times[j - 1]), y(column[j - 1]));
-      i = j;
+      let low = i, high = i;
+      for (; j <= to && Math.floor(x(times[j])) === pixel; j++) {
+        if (column[j] < column[low]) low = j;
+        if (column[j] > column[high]) high = j;
+      }
+      for (const k of new Set([i, Math.min(low, high), Math.max(low, high), j - 1])) pen.lineTo(x(times[k]), y(column[k]));
     }
   }
   /** Draw the curves that are old and in the window; first all is measured, then all is drawn. */
