@@ -22,6 +22,7 @@ constexpr double kSameShare = 0.05;      ///< of a vector, for an alternative th
 
 // Motion: an error of the rate above all of these. Half of the change covers integrators of hosts.
 constexpr double kTurnError = 1e-5;        ///< [rad/s]
+constexpr double kTurnDoubt = 1e-7;        ///< [rad/s], for an angular velocity in another unit
 constexpr double kMoveError = 1e-5;        ///< [m/s]
 constexpr double kRateShare = 1e-3;        ///< of the rate
 constexpr double kChangeShare = 0.5;       ///< of its change over the step
@@ -488,9 +489,9 @@ HostFinding judge_motion(const ReportPair& pair, double keep, ReportSums& sums) 
     sums.spin_matrix = keep * sums.spin_matrix + mean * mean.transpose();
     sums.turn_product = keep * sums.turn_product + rate * mean.transpose();
     error = (rate - mean).norm();
-    const double doubtful = kTurnError + kReportRounding / h + kRateShare * mean.norm();
-    sums.turn_doubts = error > doubtful ? sums.turn_doubts + 1 : 0;
-    allowed = doubtful + kChangeShare * (w1 - w0).norm();
+    const double small = kReportRounding / h + kRateShare * mean.norm();
+    sums.turn_doubts = error > kTurnDoubt + small ? sums.turn_doubts + 1 : 0;
+    allowed = kTurnError + small + kChangeShare * (w1 - w0).norm();
   }
   sums.turn_errors = error > allowed ? sums.turn_errors + 1 : 0;
   const double spin2 = sums.spin_matrix.trace();
