@@ -9,7 +9,7 @@ import numpy as np
 
 from dockloop.base.errors import UsageError
 from dockloop.base.files import Kind, check_suffix, read_head, write_text
-from dockloop.exchange.constructs import LEFT_OUT, MAPPED
+from dockloop.exchange.constructs import LEFT_OUT, MAPPED, REFUSED
 from dockloop.native import core
 from dockloop.scene.find import read_mechanism
 from dockloop.scene.mechanism import check_mechanism, find_mechanism
@@ -131,6 +131,13 @@ class _Writer:
             "pos": _words(last.get("com", (0, 0, 0))),
             "mass": repr(float(last.get("mass", 0.0))),
         }
+        small, middle, large = np.linalg.eigvalsh(inertia)
+        if large > (small + middle) * (1.0 + 1e-9):
+            self.report.append(
+                f"{REFUSED}: MuJoCo refuses the inertia of '{last['name']}', which no body has: its"
+                f" principal moment of {large:g} kg m2 is above the sum of the others"
+                f" ({small + middle:g} kg m2); correct it in the mechanism"
+            )
         six = _words([inertia[i] for i in _SIX])
         SubElement(element, "inertial", {**numbers, "fullinertia": six})
         self._hang(last["name"], element)
