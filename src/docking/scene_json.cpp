@@ -324,7 +324,7 @@ void read_records(const JsonReader& root, Scene& scene) {
   for (const auto& [name, i] : {std::pair{"chaser", kChaser}, std::pair{"target", kTarget}}) {
     if (scene.motion[i] != Motion::kRecorded || !root.has(name)) continue;
     const JsonReader motion = root.at(name).at("motion");
-    const std::string why = "is 'recorded': ";
+    const std::string why = "is driven by a record: ";
     for (const JsonReader& item : root.list("input", kMaxInputHistories)) {
       if (item.at("variable").text() != std::string(name) + ".motion") continue;
       scene.inputs.push_back(read_record(item, i));

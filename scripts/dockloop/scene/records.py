@@ -85,17 +85,17 @@ class Records:
             if start is not None and not isinstance(start, int | float):
                 raise UsageError(f"{place}: start is '{start}': must be a number, as the times are")
             return float(start or 0.0)
-        zero = start
+        zero = start or begin
         if is_motion:
             system = data.source["form"].get("time_system", "")
-            zero, shared = self._clock or (start or begin, system)
-            if system != shared:
+            first, shared = self._clock or (zero, system)
+            if system and shared and system != shared:
                 raise UsageError(
                     f"{place}: has times of '{system}', another motion of '{shared}': convert one"
                 )
-            zero = start or zero
-            self._clock = (zero, shared)
-        moments = [find_moment(str(moment)) for moment in (zero or begin, begin)]
+            zero = start or first
+            self._clock = (zero, shared or system)
+        moments = [find_moment(str(moment)) for moment in (zero, begin)]
         if not moments[0] or not moments[1]:
             raise UsageError(f"{place}: start is '{start}': must be a date, as {begin}")
         days, seconds = (moments[0][i] - moments[1][i] for i in (0, 1))
@@ -192,7 +192,8 @@ class Records:
             )
         steps = np.diff(time)
         usual = np.median(steps)
-        if (widest := int(np.argmax(steps))) and steps[widest] > _GAP * usual:
+        widest = int(np.argmax(steps))
+        if steps[widest] > _GAP * usual:
             warn_once(
                 f"{place}: has a gap of {steps[widest]:.3g} s at t = {time[widest]:.9g} s, between"
                 f" rows every {usual:.3g} s: a cubic bridges it"

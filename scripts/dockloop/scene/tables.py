@@ -203,6 +203,8 @@ def read_inputs(entries: Sequence[dict], document: dict, source: Path) -> list[d
         _say_message(shown(path), data)
         names = [records.complete(name, entry.get("vehicle"), place) for name in data.names]
         is_motion = any(name.partition("[")[0].partition(".")[2] in MEMBERS for name in names)
+        if is_motion and entry.get("interpolation") == "hold":
+            raise UsageError(f"{place}: has a motion, which cannot hold: leave 'interpolation' out")
         shift = records.find_shift(data, entry.get("start"), place, is_motion=is_motion)
         data = replace(data, time=data.time - shift, names=names)
         others = records.take(data, shown(path))
