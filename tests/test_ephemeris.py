@@ -358,6 +358,7 @@ def change(text, old, new):
         (None, None, ("stop = 3.0", "stop = 3.4"), "is from 0 to 3 s, the run from 0 to 3.4 s"),
         (None, None, ('motion = "driven"', ""), "the chaser is not driven: set chaser.motion"),
         (None, None, ('file = "a.oem"\n[[input]]\n', ""), "the record of the chaser has no posit"),
+        (None, None, ('"a.oem"', '"motion.csv"\nvehicle = "chaser"'), "is of CCSDS messages"),
         (None, None, ('"a.aem"', '"a.aem"\ninterpolation = "hold"'), "which cannot hold"),
         (None, None, ('"a.aem"', '"a.aem"\nstart = 3'), "start is '3': must be a date"),
         (None, None, ('"a.aem"', '"a.aem"\nvehicle = "target"'), "the target is not driven"),

@@ -197,6 +197,10 @@ def read_inputs(entries: Sequence[dict], document: dict, source: Path) -> list[d
         place = f"{shown(source)}: input[{number}]"
         path, form, columns = _take_file(entry, source, place)
         shorts = NAMES if is_message(path) else []
+        if "vehicle" in entry and not shorts:
+            raise UsageError(
+                f"{place}: 'vehicle' is of CCSDS messages: columns of a table name their vehicle"
+            )
         names = ["time", *inputs, *shorts]
         data = read_data(path, names, units[: len(names)], form, columns, terms)
         _warn_of_unknown(shown(path), data.unknown, terms)
