@@ -76,7 +76,7 @@ StateLayout make_layout(const DockingModel& model) {
   layout.target_q = take(layout.target_n);
   layout.target_v = take(layout.target_n);
   for (int i : {kChaser, kTarget}) {
-    if (!model.present[i] || !model.moves[i]) continue;
+    if (!model.present[i] || !model.moves[i] || model.record[i] >= 0) continue;
     layout.pose[i] = take(7);
     layout.momentum[i] = take(6);
   }
@@ -85,7 +85,7 @@ StateLayout make_layout(const DockingModel& model) {
   layout.sums = take(layout.sum_count);
   layout.impulse = take(6);
   for (int i : {kChaser, kTarget}) {
-    if (model.driven[i]) layout.host_impulse[i] = take(6);
+    if (model.driven[i] || model.record[i] >= 0) layout.host_impulse[i] = take(6);
   }
   layout.element_bristle_count = count_element_bristles(mechanism.elements, mechanism.failures);
   layout.element_bristles = take(layout.element_bristle_count);
@@ -212,14 +212,17 @@ DockingModel make_docking_model(const Scene& scene,
   model.inputs = scene.inputs;
   model.hard_dock = scene.hard_dock;
   model.forces = scene.forces;
-  model.falling = chaser_moves && (!scene.has_target || model.moves[kTarget]);
+  model.record = find_records(scene);
+  model.falling =
+      chaser_moves && (!scene.has_target || model.moves[kTarget]) && !model.has_record();
   model.layout = make_layout(model);
   return model;
 }
 
 bool needs_other_matrix(const DockingModel& model) {
   const bool is_on_adapter = model.mechanism.model.carrier != model.mechanism.vehicle;
-  return model.layout.bristle_count > 0 || model.target || (is_on_adapter && model.acts_across());
+  return model.layout.bristle_count > 0 || model.target || model.has_record() ||
+         (is_on_adapter && model.acts_across());
 }
 
 namespace {
@@ -334,7 +337,7 @@ void set_vehicle_pose(const DockingModel& model, int vehicle, const Vec3<double>
 Status set_vehicle_velocity(const DockingModel& model, int vehicle, const Vec3<double>& velocity,
                             const Vec3<double>& angular_velocity, double* y,
                             DockingData<double>& data) {
-  if (!model.moves[vehicle]) return {};
+  if (model.layout.pose[vehicle] < 0) return {};
   FrameMotion<double> frame = get_vehicle_pose(model, vehicle, y);
   if (vehicle == kTarget) {
     data.vehicle[kTarget] = frame;

@@ -106,6 +106,7 @@ struct DockingModel {
   std::array<bool, 2> moves{true, true};
   std::array<bool, 2> driven{false, false};  ///< a host prescribes the motion at communication
                                              ///< points; between them the equations move it
+  std::array<int, 2> record{-1, -1};   ///< the input history that prescribes the motion; -1: none
   std::array<VehicleBody, 2> of_host;  ///< vehicles as their hosts integrate them: as stated, or as
                                        ///< identified (sim/host_identification.hpp)
   std::array<Pose<double>, 2> fixed_pose;      ///< in O, of a vehicle that does not move
@@ -129,6 +130,7 @@ struct DockingModel {
   double thrust = 0.0, thrust_delay = 0.0;  ///< [N] along x of A at the CoM, [s]
   bool falling = true;                      ///< O falls with gravity
   StateLayout layout;
+  bool has_record() const { return record[kChaser] >= 0 || record[kTarget] >= 0; }
   /// Does anything act between A and P, not G and P?
   bool acts_across() const { return !hard_dock.empty() || !forces.empty(); }
 };
@@ -172,6 +174,14 @@ struct FrameMotion {
   Vec3<S> p = Vec3<S>::Zero(), w = Vec3<S>::Zero(), v = Vec3<S>::Zero();
 };
 
+/// Motion of a vehicle that a record prescribes, axes of O.
+template <class S>
+struct RecordedMotion {
+  FrameMotion<S> frame;
+  Vec4<S> attitude{S(1), S(0), S(0), S(0)};
+  Vec3<S> a = Vec3<S>::Zero(), alpha = Vec3<S>::Zero();
+};
+
 /// Motion and forces of a target with parts.
 template <class S>
 struct TargetData {
@@ -206,11 +216,14 @@ struct DockingData {
   Wrench<S> on_chaser;         ///< of bodies on the chaser, about its origin, axes of O
   JointForceSums<S> joints;
   ElementData<S> elements;
-  VecX<S> command;                   ///< as in ExternalLoads
-  VecX<S> joint_force;               ///< per joint force [N]
-  VecX<S> bristle_rate;              ///< scratch where no rates are wanted
-  bool touches = true;               ///< false: as if nothing acted between the vehicles
-  Vec3<S> thrust = Vec3<S>::Zero();  ///< on the chaser's CoM, axes of O
+  VecX<S> command;                            ///< as in ExternalLoads
+  VecX<S> joint_force;                        ///< per joint force [N]
+  VecX<S> bristle_rate;                       ///< scratch where no rates are wanted
+  bool touches = true;                        ///< false: as if nothing acted between the vehicles
+  Vec3<S> thrust = Vec3<S>::Zero();           ///< on the chaser's CoM, axes of O
+  std::array<RecordedMotion<S>, 2> recorded;  ///< of vehicles with a record
+  std::array<Wrench<S>, 2> record_load;  ///< from outside, that keeps the vehicle on its record,
+                                         ///< about its origin, axes of O
 };
 
 /// Size of ExternalLoads::command.
@@ -224,7 +237,8 @@ DockingModel make_docking_model(const Scene& scene,
                                 int level = kReduced);
 
 /// Does the structured matrix (docking/structured_matrix.hpp) not know this model? Bristles couple
-/// all points of contact; a hard dock on an adapter and parts of the target move P and A.
+/// all points of contact; a hard dock on an adapter and parts of the target move P and A; vehicles
+/// with a record have no states.
 bool needs_other_matrix(const DockingModel& model);
 
 /// Hold the mechanism where it is. With data.locked its coordinates and velocities in y are not
@@ -307,6 +321,11 @@ void calc_docking_reactions(const DockingModel& model, DockingData<S>& data);
 template <class S>
 Wrench<S> find_inertial_load(const VehicleBody& part, const FrameMotion<S>& chaser,
                              const Vec3<S>& a, const Vec3<S>& alpha);
+
+/// Motion of a vehicle by its record: between two rows the cubic that has poses and rates of both.
+/// @param row  see find_row()
+template <class S>
+RecordedMotion<S> find_recorded_motion(const InputHistory& record, int row, const S& time);
 
 /// Motion of a frame that is fixed on another one.
 template <class S>

@@ -33,6 +33,38 @@ RelativeMotion<S> find_relative(const FrameMotion<S>& from, const FrameMotion<S>
 }
 
 template <class S>
+RecordedMotion<S> find_recorded_motion(const InputHistory& record, int row, const S& time) {
+  const size_t i = std::min(static_cast<size_t>(std::max(row, 0)), record.time.size() - 2);
+  const double h = record.time[i + 1] - record.time[i];
+  const Vec7<double> mean = (record.pose[i + 1] - record.pose[i]) / h;
+  const Vec7<double>&v_0 = record.pose_rate[i], &v_1 = record.pose_rate[i + 1];
+  const Vec7<S> first = cast<S>(record.pose[i]), rate = cast<S>(v_0);
+  const Vec7<S> square = cast<S>(Vec7<double>((3.0 * mean - 2.0 * v_0 - v_1) / h));
+  const Vec7<S> cube = cast<S>(Vec7<double>((v_0 + v_1 - 2.0 * mean) / (h * h)));
+  const S s = time - S(record.time[i]);
+  const Vec7<S> x = first + s * (rate + s * (square + s * cube));
+  const Vec7<S> x_1 = rate + s * (S(2) * square + S(3) * s * cube);
+  const Vec7<S> x_2 = S(2) * square + S(6) * s * cube;
+  // The cubic of the quaternion is not of unit length; w = 2 conj(q) q_1 / |q|^2 for any length.
+  const Vec4<S> q = x.template tail<4>(), q_1 = x_1.template tail<4>(),
+                q_2 = x_2.template tail<4>();
+  const S factor = S(2) / q.squaredNorm();
+  const auto turn = [&](const Vec4<S>& of) -> Vec3<S> {
+    return factor * quat_multiply<S>(quat_conjugate<S>(q), of).template tail<3>();
+  };
+  const Vec3<S> w = turn(q_1);
+  RecordedMotion<S> motion;
+  motion.attitude = q.normalized();
+  motion.frame.R = quat_to_matrix<S>(motion.attitude);
+  motion.frame.p = x.template head<3>();
+  motion.frame.v = x_1.template head<3>();
+  motion.frame.w = motion.frame.R * w;
+  motion.a = x_2.template head<3>();
+  motion.alpha = motion.frame.R * (turn(q_2) - factor * q.dot(q_1) * w);
+  return motion;
+}
+
+template <class S>
 FrameMotion<S> get_vehicle_pose(const DockingModel& model, int i, const S* y) {
   FrameMotion<S> frame;
   if (model.layout.pose[i] < 0) {
@@ -76,12 +108,31 @@ void put_mechanism_state(const DockingModel& model, const S* y, TreeData<S>& tre
     for (int j = 0; j < body.nq(); ++j) tree.q[body.q_index + j] = y[q++];
     for (int j = 0; j < body.nv(); ++j) tree.v[body.v_index + j] = y[v++];
   }
-  if (model.mechanism.vehicle != kBase) {
+  if (model.layout.pose[kChaser] >= 0) {
     for (int j = 0; j < 7; ++j) tree.q[j] = y[model.layout.pose[kChaser] + j];
   }
 }
 
 namespace {
+
+/// Pose and velocity of the vehicle of a tree as its record has them.
+template <class S>
+void put_recorded_motion(const RecordedMotion<S>& motion, TreeData<S>& tree) {
+  const FrameMotion<S>& frame = motion.frame;
+  tree.q.template head<3>() = frame.p;
+  tree.q.template segment<4>(3) = motion.attitude;
+  tree.v.template head<3>() = frame.R.transpose() * frame.v;
+  tree.v.template segment<3>(3) = frame.R.transpose() * frame.w;
+}
+
+/// Let the equations of a tree find the load that gives its vehicle the recorded acceleration.
+template <class S>
+void prescribe_acceleration(const RecordedMotion<S>& motion, MechanismData<S>& data) {
+  const FrameMotion<S>& frame = motion.frame;
+  Vec6<S>& vdot = data.prescribed.emplace();
+  vdot.template head<3>() = frame.R.transpose() * (motion.a - frame.w.cross(frame.v));
+  vdot.template tail<3>() = frame.R.transpose() * motion.alpha;
+}
 
 /// Velocity of a vehicle from the momentum x of everything that moves with it:
 /// A_cc v_c + A_cm v_m = p, with p the momentum in body axes about the vehicle's origin.
@@ -122,14 +173,15 @@ void calc_target_velocity(const DockingModel& model, const S* y, FrameMotion<S>&
 template <class S>
 void calc_locked_kinematics(const DockingModel& model, const S* y, DockingData<S>& data) {
   FrameMotion<S>& chaser = data.vehicle[kChaser];
-  chaser = get_vehicle_pose(model, kChaser, y);
+  const bool is_recorded = model.record[kChaser] >= 0;
+  chaser = is_recorded ? data.recorded[kChaser].frame : get_vehicle_pose(model, kChaser, y);
   TreeData<S>& tree = data.mechanism.tree;
   const LockedMechanism& locked = *data.locked;
   tree.q = locked.q.template cast<S>();
   tree.v.setZero();
   data.mechanism.vdot.setZero();
   data.mechanism.linear_momentum.setZero();
-  if (model.mechanism.vehicle != kBase) {
+  if (model.layout.momentum[kChaser] >= 0) {
     const VehicleBody& body = locked.has_target ? locked.joined : locked.whole;
     const S* x = y + model.layout.momentum[kChaser];
     Vec3<S> linear(x[0], x[1], x[2]), angular(x[3], x[4], x[5]);
@@ -142,6 +194,8 @@ void calc_locked_kinematics(const DockingModel& model, const S* y, DockingData<S
     const Vec3<S> spin = chaser.R.transpose() * (angular - (chaser.p + c).cross(linear));
     chaser.w = chaser.R * (cast<S>(invert(body.inertia)) * spin);
     chaser.v = linear / S(body.mass) - chaser.w.cross(c);
+  }
+  if (model.mechanism.vehicle != kBase) {
     tree.p[0] = chaser.p;
     tree.m_sum[0] = S(locked.whole.mass);
     tree.h_sum[0] = S(locked.whole.mass) * (chaser.R * cast<S>(locked.whole.com));
@@ -160,9 +214,16 @@ Status calc_kinematics(const DockingModel& model, const S& t, const S* y, Need n
                        DockingData<S>& data) {
   put_mechanism_state(model, y, data.mechanism.tree);
   data.mechanism.tree.time = t;
+  const bool is_recorded = model.record[kChaser] >= 0;
+  if (is_recorded) {
+    put_recorded_motion(data.recorded[kChaser], data.mechanism.tree);
+    need = std::max(need, Need::kState);  // generated code knows free vehicles only
+  }
   const Status status = calc_position(model.mechanism, data.mechanism, need);
   if (!status.ok()) return status;
-  if (model.mechanism.vehicle != kBase) {
+  if (is_recorded) {
+    prescribe_acceleration(data.recorded[kChaser], data.mechanism);
+  } else if (model.mechanism.vehicle != kBase) {
     calc_vehicle_velocity(model.mechanism, get_vehicle_pose(model, kChaser, y),
                           y + model.layout.momentum[kChaser], data.mechanism);
   }
@@ -176,7 +237,7 @@ template <class S>
 Status calc_target_position(const DockingModel& model, const S* y, TargetData<S>& target) {
   TreeData<S>& tree = target.mechanism.tree;
   const StateLayout& layout = model.layout;
-  for (int j = 0; j < 7; ++j) tree.q[j] = y[layout.pose[kTarget] + j];
+  for (int j = 0; j < 7 && layout.pose[kTarget] >= 0; ++j) tree.q[j] = y[layout.pose[kTarget] + j];
   for (int j = 0; j < layout.target_n; ++j) {
     tree.q[7 + j] = y[layout.target_q + j];
     tree.v[6 + j] = y[layout.target_v + j];
@@ -188,8 +249,15 @@ Status calc_target_position(const DockingModel& model, const S* y, TargetData<S>
 template <class S>
 Status calc_target_kinematics(const DockingModel& model, const S* y, DockingData<S>& data) {
   if (!model.target) return {};
+  const bool is_recorded = model.record[kTarget] >= 0;
+  if (is_recorded) put_recorded_motion(data.recorded[kTarget], data.target->mechanism.tree);
   const Status status = calc_target_position(model, y, *data.target);
   if (!status.ok()) return status;
+  if (is_recorded) {
+    prescribe_acceleration(data.recorded[kTarget], data.target->mechanism);
+    calc_velocity(*model.target, data.base, data.target->mechanism);
+    return {};
+  }
   calc_vehicle_velocity(*model.target, get_vehicle_pose(model, kTarget, y),
                         y + model.layout.momentum[kTarget], data.target->mechanism);
   calc_velocity(*model.target, data.base, data.target->mechanism);
@@ -231,6 +299,8 @@ void calc_frames(const DockingModel& model, const S* y, DockingData<S>& data) {
       data.vehicle[kTarget] = find_frame_on(data.vehicle[kChaser], data.locked->target_pose);
     } else if (model.target) {
       data.vehicle[kTarget] = get_body_motion(data.target->mechanism.tree, model.target->vehicle);
+    } else if (model.record[kTarget] >= 0) {
+      data.vehicle[kTarget] = data.recorded[kTarget].frame;
     } else {
       data.vehicle[kTarget] = get_vehicle_pose(model, kTarget, y);
       if (model.moves[kTarget]) calc_target_velocity(model, y, data.vehicle[kTarget]);
@@ -337,6 +407,7 @@ template <class S>
 void put_vehicle_rates(const DockingModel& model, int i, const FrameMotion<S>& frame,
                        const Vec3<S>& force, const Vec3<S>& moment_about_O, const S* y, S* ydot) {
   const int pose = model.layout.pose[i], momentum = model.layout.momentum[i];
+  if (pose < 0) return;  // a record has them
   put<S>(ydot + pose, frame.v);
   const Vec4<S> q(y[pose + 3], y[pose + 4], y[pose + 5], y[pose + 6]);
   const Vec4<S> qdot = quat_rate<S>(q, frame.R.transpose() * frame.w);
@@ -391,6 +462,59 @@ void calc_rigid_acceleration(const VehicleBody& whole, const FrameMotion<S>& cha
 
 }  // namespace
 
+namespace {
+
+/// Load of the capture interface on bodies of the chaser, about the chaser's origin.
+template <class S>
+Wrench<S> find_captured_load(const Wrench<S>& on_passive, const DockingData<S>& data) {
+  Wrench<S> load;
+  load.f = -on_passive.f;
+  load.t = -on_passive.t - (data.capture.p - data.vehicle[kChaser].p).cross(on_passive.f);
+  return load;
+}
+
+/// Loads from outside that keep vehicles on their records.
+template <class S>
+void calc_record_loads(const DockingModel& model, DockingData<S>& data) {
+  const Vec3<S>& gravity = data.base.gravity;
+  const auto find_inertial = [&](int i, const VehicleBody& body) {
+    const RecordedMotion<S>& motion = data.recorded[i];
+    return find_inertial_load(body, motion.frame, Vec3<S>(motion.a - gravity), motion.alpha);
+  };
+  const auto find_needed = [&](const MechanismData<S>& tree, const Mat3<S>& R) {
+    Wrench<S> load;
+    load.f = R * tree.on_vehicle.template head<3>();
+    load.t = R * tree.on_vehicle.template tail<3>();
+    return load;
+  };
+  if (model.record[kChaser] >= 0) {
+    Wrench<S>& load = data.record_load[kChaser];
+    if (data.locked) {
+      load = find_inertial(kChaser, data.locked->whole);
+      load -= data.mechanism.tree.external[model.mechanism.vehicle];
+      load -= find_captured_load(data.on_passive, data);
+    } else {
+      load = find_needed(data.mechanism, data.vehicle[kChaser].R);
+    }
+  }
+  if (model.record[kTarget] < 0) return;
+  Wrench<S>& load = data.record_load[kTarget];
+  const FrameMotion<S>& target = data.vehicle[kTarget];
+  if (model.target) {
+    load = find_needed(data.target->mechanism, target.R);
+    return;
+  }
+  load = find_inertial(kTarget, model.vehicle[kTarget]);
+  const auto subtract = [&](const Wrench<S>& acting, const Vec3<S>& at) {
+    load.f -= acting.f;
+    load.t -= acting.t + (at - target.p).cross(acting.f);
+  };
+  subtract(data.on_passive, data.capture.p);
+  if (model.acts_across()) subtract(data.on_target, data.interface[kChaser].p);
+}
+
+}  // namespace
+
 template <class S>
 void calc_docking_reactions(const DockingModel& model, DockingData<S>& data) {
   const int vehicle = model.mechanism.vehicle, carrier = model.mechanism.model.carrier;
@@ -412,12 +536,8 @@ void calc_docking_reactions(const DockingModel& model, DockingData<S>& data) {
     return;
   }
   const FrameMotion<S>& chaser = data.vehicle[kChaser];
-  // Load of the capture interface on bodies of the chaser, about the chaser's origin.
   const auto find_captured = [&](const Wrench<S>& on_passive) {
-    Wrench<S> captured;
-    captured.f = -on_passive.f;
-    captured.t = -on_passive.t - (data.capture.p - chaser.p).cross(on_passive.f);
-    return captured;
+    return find_captured_load(on_passive, data);
   };
   const int capture_body = model.mechanism.model.capture_body;
   Wrench<S> on_mechanism = data.on_passive;
@@ -425,7 +545,12 @@ void calc_docking_reactions(const DockingModel& model, DockingData<S>& data) {
   Vec3<S> a = -data.base.gravity, alpha = Vec3<S>::Zero();
   if (vehicle != kBase) {
     const Wrench<S> load = data.mechanism.tree.external[vehicle] + find_captured(data.on_passive);
-    calc_rigid_acceleration(data.locked->whole, chaser, load, a, alpha);
+    if (model.record[kChaser] >= 0) {
+      a += data.recorded[kChaser].a;
+      alpha = data.recorded[kChaser].alpha;
+    } else {
+      calc_rigid_acceleration(data.locked->whole, chaser, load, a, alpha);
+    }
     data.mechanism.tree.a[vehicle] = a;
     data.mechanism.tree.alpha[vehicle] = alpha;
   }
@@ -650,6 +775,11 @@ template <class S>
 Status calc_docking(const DockingModel& model, const DiscreteState& discrete,
                     const ContactMemory& memory, const ExternalLoads<S>& loads, S t, const S* y,
                     S* ydot, DockingData<S>& data, Need need) {
+  for (int i : {kChaser, kTarget}) {
+    if (model.record[i] < 0) continue;
+    const size_t k = static_cast<size_t>(model.record[i]);
+    data.recorded[i] = find_recorded_motion(model.inputs[k], discrete.input_row[k], t);
+  }
   Status status = calc_target_kinematics(model, y, data);
   if (!status.ok()) return status;
   if (data.locked) {
@@ -669,6 +799,7 @@ Status calc_docking(const DockingModel& model, const DiscreteState& discrete,
     calc_acceleration(model.mechanism, data.base, data.mechanism);
   }
   if (model.target) calc_acceleration(*model.target, data.base, data.target->mechanism);
+  calc_record_loads(model, data);
   if (ydot) put_rates(model, loads, y, ydot, data);
   return {};
 }
@@ -679,8 +810,12 @@ void calc_vehicle_rates(const DockingModel& model, const ExternalLoads<S>& loads
   const MechanismData<S>& mechanism = data.mechanism;
   const Vec3<S> gravity = data.base.gravity;
   const FrameMotion<S>& chaser = data.vehicle[kChaser];
-  const Vec3<S> chaser_force = loads.force[kChaser] + data.thrust;
-  const Vec3<S> chaser_moment = chaser.R * loads.torque[kChaser];
+  Vec3<S> chaser_force = loads.force[kChaser] + data.thrust;
+  Vec3<S> chaser_moment = chaser.R * loads.torque[kChaser];
+  if (model.record[kChaser] >= 0) {
+    chaser_force += data.record_load[kChaser].f;
+    chaser_moment += data.record_load[kChaser].t;
+  }
   // Vehicles: the forces between them act on both at the same point, so their rates cancel exactly.
   Vec3<S> impulse = Vec3<S>::Zero(), angular_impulse = Vec3<S>::Zero();
   S power = data.joints.command_power;
@@ -703,16 +838,23 @@ void calc_vehicle_rates(const DockingModel& model, const ExternalLoads<S>& loads
                          ydot);
     impulse += force;
     angular_impulse += moment;
-    const S* momentum = y + model.layout.momentum[kChaser];
-    power += chaser_force.dot(chaser.v) + chaser_moment.dot(chaser.w) +
-             gravity.dot(Vec3<S>(momentum[0], momentum[1], momentum[2]));
+    power += chaser_force.dot(chaser.v) + chaser_moment.dot(chaser.w);
+    if (const S* momentum = y + model.layout.momentum[kChaser]; model.record[kChaser] < 0) {
+      power += gravity.dot(Vec3<S>(momentum[0], momentum[1], momentum[2]));
+    } else {
+      power += gravity.dot(find_momentum(model, kChaser, data).f);
+    }
   } else if (!(gravity.array() == S(0)).all()) {
     power += gravity.dot(mechanism.linear_momentum);  // weight of the mechanism
   }
   if (model.moves[kTarget]) {
     const FrameMotion<S>& target = data.vehicle[kTarget];
     Vec3<S> force = loads.force[kTarget] + S(model.vehicle[kTarget].mass) * gravity;
-    const Vec3<S> moment = target.R * loads.torque[kTarget];
+    Vec3<S> moment = target.R * loads.torque[kTarget];
+    if (model.record[kTarget] >= 0) {
+      force += data.record_load[kTarget].f;
+      moment += data.record_load[kTarget].t;
+    }
     Vec3<S> moment_about_O = moment + target.p.cross(force);
     power += force.dot(target.v) + moment.dot(target.w);
     if (model.target) {
@@ -749,11 +891,14 @@ void calc_vehicle_rates(const DockingModel& model, const ExternalLoads<S>& loads
     if (model.layout.host_impulse[i] < 0) continue;
     const FrameMotion<S>& frame = data.vehicle[i];
     const Vec3<S> weight = S(model.of_host[i].mass) * gravity;
-    const Vec3<S> force = loads.force[i] + weight;
+    Vec3<S> force = loads.force[i] + weight, torque = frame.R * loads.torque[i];
+    if (model.record[i] >= 0) {
+      force += data.record_load[i].f;
+      torque += data.record_load[i].t;
+    }
     put<S>(ydot + model.layout.host_impulse[i], force);
     put<S>(ydot + model.layout.host_impulse[i] + 3,
-           frame.R * loads.torque[i] + frame.p.cross(force) +
-               (frame.R * cast<S>(model.of_host[i].com)).cross(weight));
+           torque + frame.p.cross(force) + (frame.R * cast<S>(model.of_host[i].com)).cross(weight));
   }
 }
 
@@ -904,6 +1049,7 @@ Wrench<S> find_inside_momentum(const DockingModel& model, const DockingData<S>& 
   template void calc_docking_reactions<S>(const DockingModel&, DockingData<S>&);                   \
   template Wrench<S> find_inertial_load<S>(const VehicleBody&, const FrameMotion<S>&,              \
                                            const Vec3<S>&, const Vec3<S>&);                        \
+  template RecordedMotion<S> find_recorded_motion<S>(const InputHistory&, int, const S&);          \
   template FrameMotion<S> find_frame_on<S>(const FrameMotion<S>&, const Pose<double>&);            \
   template RelativeMotion<S> find_relative<S>(const FrameMotion<S>&, const FrameMotion<S>&);       \
   template FrameMotion<S> get_vehicle_pose<S>(const DockingModel&, int, const S*);                 \

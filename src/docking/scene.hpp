@@ -27,7 +27,7 @@ namespace dockloop {
 enum VehicleIndex { kChaser = 0, kTarget = 1 };
 /// Motion of a vehicle: integrated inside, prescribed by the host at communication points, or
 /// fixed.
-enum class Motion { kFree, kDriven, kFixed };
+enum class Motion { kFree, kDriven, kFixed, kRecorded };  ///< recorded: by an input history
 
 /// Values of model.level, from coarse to fine.
 enum ModelLevel {
@@ -157,6 +157,9 @@ struct Scene {
   std::string fingerprint;          ///< hash of the document, 32 hex digits
   bool has_group(const std::string& group) const;
 };
+
+/// Per vehicle, the history that is its motion; -1: it has none.
+std::array<int, 2> find_records(const Scene& scene);
 
 /// Read a scene document. @throws ModelError naming the member, its value and the limit.
 Scene read_scene(const std::string& json_text, const std::string& source_name);

@@ -33,6 +33,7 @@ Motion read_motion(const JsonReader& vehicle) {
   if (motion == "free") return Motion::kFree;
   if (motion == "driven") return Motion::kDriven;
   if (motion == "fixed") return Motion::kFixed;
+  if (motion == "recorded") return Motion::kRecorded;
   vehicle.at("motion").fail("is '" + motion + "'; it must be free, driven or fixed");
 }
 
@@ -251,8 +252,9 @@ void add_row(double time, double value, InputHistory& history) {
   history.value.push_back(value);
 }
 
+constexpr size_t kMaxRows = 1000000;
+
 InputHistory read_input(const JsonReader& item, const Scene& scene) {
-  constexpr size_t kMaxRows = 1000000;
   InputHistory history;
   history.variable = item.at("variable").text();
   const std::string fault = find_input(history.variable, scene, history);
@@ -285,6 +287,64 @@ InputHistory read_input(const JsonReader& item, const Scene& scene) {
             history);
   }
   return history;
+}
+
+/// The motion of a vehicle.
+InputHistory read_record(const JsonReader& item, int vehicle) {
+  InputHistory record;
+  record.variable = item.at("variable").text();
+  record.kind = InputKind::kMotion;
+  record.of = vehicle;
+  const std::vector<JsonReader> times = item.at("time").items(kMaxRows);
+  const std::vector<JsonReader> poses = item.at("pose").items(kMaxRows);
+  const std::vector<JsonReader> velocities = item.at("velocity").items(kMaxRows);
+  if (times.size() < 2 || poses.size() != times.size() || velocities.size() != times.size()) {
+    item.fail("must have as many poses and velocities as times, and two or more");
+  }
+  for (size_t k = 0; k < times.size(); ++k) {
+    const double time = times[k].number();
+    if (k > 0 && !(time > record.time.back())) {
+      times[k].fail("is " + times[k].shown() + "; times must increase");
+    }
+    Vec7<double> pose = poses[k].vector<7>(), rate;
+    if (std::abs(pose.tail<4>().norm() - 1.0) > 1e-6)
+      poses[k].fail("must have a quaternion of length 1");
+    if (k > 0 && pose.tail<4>().dot(record.pose.back().tail<4>()) < 0.0) pose.tail<4>() *= -1.0;
+    const Vec6<double> velocity = velocities[k].vector<6>();
+    rate << velocity.head<3>(), quat_rate<double>(pose.tail<4>(), velocity.tail<3>());
+    record.time.push_back(time);
+    record.pose.push_back(pose);
+    record.pose_rate.push_back(rate);
+  }
+  return record;
+}
+
+/// Records of the motion of vehicles, and what they exclude.
+void read_records(const JsonReader& root, Scene& scene) {
+  for (const auto& [name, i] : {std::pair{"chaser", kChaser}, std::pair{"target", kTarget}}) {
+    if (scene.motion[i] != Motion::kRecorded || !root.has(name)) continue;
+    const JsonReader motion = root.at(name).at("motion");
+    const std::string why = "is driven by a record: ";
+    for (const JsonReader& item : root.list("input", kMaxInputHistories)) {
+      if (item.at("variable").text() != std::string(name) + ".motion") continue;
+      scene.inputs.push_back(read_record(item, i));
+    }
+    if (find_records(scene)[i] < 0) motion.fail(why + "no entry of 'input' has the motion");
+    const auto acts = [i = i](const Disturbance& d) { return d.vehicle == i; };
+    if (std::any_of(scene.disturbances.begin(), scene.disturbances.end(), acts)) {
+      motion.fail(why + "a disturbance of this vehicle would have no effect; leave it out");
+    }
+    if (i == kChaser && scene.contact_thrust != 0.0) {
+      motion.fail(why + "contact_thrust would have no effect; leave it out");
+    }
+    if (scene.conditions.given) {
+      motion.fail(why + "conditions at first contact would move it; set initial.at = \"start\"");
+    }
+    const int other = 1 - i;
+    if (scene.motion[other] == Motion::kDriven && (other == kChaser || scene.has_target)) {
+      motion.fail(why + "the other vehicle must be free, fixed or have a record, too");
+    }
+  }
 }
 
 Scene read_members(const JsonReader& root, const std::string& source_name) {
@@ -350,11 +410,18 @@ Scene read_members(const JsonReader& root, const std::string& source_name) {
   for (const JsonReader& item : root.list("disturbance", kMaxDisturbances)) {
     scene.disturbances.push_back(read_disturbance(item, scene));
   }
+  if (root.has("initial")) read_initial(root.at("initial"), scene);
+  read_records(root, scene);
   for (const JsonReader& item : root.list("input", kMaxInputHistories)) {
+    if (item.has("pose")) {
+      const JsonReader variable = item.at("variable");
+      const bool is_chaser = variable.text() == "chaser.motion";
+      if (scene.motion[is_chaser ? kChaser : kTarget] == Motion::kRecorded) continue;
+      variable.fail("is the motion of a vehicle whose 'motion' is not 'recorded'");
+    }
     scene.inputs.push_back(read_input(item, scene));
   }
   scene.forces = read_vehicle_forces(root);
-  if (root.has("initial")) read_initial(root.at("initial"), scene);
   if (root.has("solver")) {
     const JsonReader solver = root.at("solver");
     SolverSettings& s = scene.solver;
@@ -408,6 +475,15 @@ auto read_named(const std::string& source_name, const Read& read) {
 }
 
 }  // namespace
+
+std::array<int, 2> find_records(const Scene& scene) {
+  std::array<int, 2> records{-1, -1};
+  for (size_t k = 0; k < scene.inputs.size(); ++k) {
+    const InputHistory& history = scene.inputs[k];
+    if (history.kind == InputKind::kMotion) records[history.of] = static_cast<int>(k);
+  }
+  return records;
+}
 
 bool Scene::has_group(const std::string& group) const {
   return std::find(groups.begin(), groups.end(), group) != groups.end();

@@ -19,6 +19,8 @@ void add_vehicle(Table& table, DockingSim& sim, VehicleIndex index) {
                                const std::string& text) {
     if (motion == Motion::kDriven) {
       table.inputs(v + name, member_of(input), quantity, text);
+    } else if (motion == Motion::kRecorded) {
+      table.outputs(v + name, member_of(output), quantity, text + " (as a record prescribes)");
     } else {
       table.states(v + name, member_of(parameter), member_of(output), quantity, text);
     }
@@ -38,10 +40,16 @@ void add_vehicle(Table& table, DockingSim& sim, VehicleIndex index) {
 
   // A fixed vehicle has no loads and no mass.
   if (motion != Motion::kFixed) {
-    table.inputs(v + "force_ext", input.force_ext, kForce,
-                 "Force from outside on the centre of mass" + of + ", in N");
-    table.inputs(v + "torque_ext", input.torque_ext, kTorque,
-                 "Torque from outside about the centre of mass" + of + ", body axes");
+    const std::string force = "Force from outside on the centre of mass" + of + ", in N";
+    const std::string torque = "Torque from outside about the centre of mass" + of + ", body axes";
+    if (motion == Motion::kRecorded) {
+      const std::string why = ": what keeps the vehicle on its record";
+      table.outputs(v + "force_ext", output.force_ext, kForce, force + why);
+      table.outputs(v + "torque_ext", output.torque_ext, kTorque, torque + why);
+    } else {
+      table.inputs(v + "force_ext", input.force_ext, kForce, force);
+      table.inputs(v + "torque_ext", input.torque_ext, kTorque, torque);
+    }
     Row mass = table.parameter(v + "mass", &parameter.mass, kMass, "Mass" + of).not_negative();
     Row inertia = table.parameters(v + "inertia", parameter.inertia, kInertia,
                                    "Inertia" + of + " about its centre of mass, body axes");

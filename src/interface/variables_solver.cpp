@@ -88,7 +88,8 @@ void add_state_vector(Table& table, const Scene& scene, Outputs& out) {
   rows("ode.target.part_q", target_parts, kCoordinate, "Coordinate of a part [m, rad]");
   rows("ode.target.part_v", target_parts, kCoordinate, "Rate of a part [m/s, rad/s]");
   for (const int i : {kChaser, kTarget}) {
-    if (scene.motion[i] == Motion::kFixed || (i == kTarget && !scene.has_target)) continue;
+    const bool has_states = scene.motion[i] == Motion::kFree || scene.motion[i] == Motion::kDriven;
+    if (!has_states || (i == kTarget && !scene.has_target)) continue;
     const std::string v = i == kChaser ? "ode.chaser." : "ode.target.";
     const std::string carried = i == kChaser ? " of chaser and mechanism" : " of the target";
     rows(v + "position", 3, kLength, "Centre of mass in frame O, axes of N");

@@ -20,6 +20,8 @@ using Vec4 = Eigen::Matrix<S, 4, 1>;
 template <class S>
 using Vec6 = Eigen::Matrix<S, 6, 1>;
 template <class S>
+using Vec7 = Eigen::Matrix<S, 7, 1>;
+template <class S>
 using Mat3 = Eigen::Matrix<S, 3, 3>;
 template <class S>
 using Mat6 = Eigen::Matrix<S, 6, 6>;

@@ -56,6 +56,11 @@ struct MechanismData {
   VecX<S> b, b_ind;                   ///< right-hand side: full (nv), reduced (n_ind)
   VecX<S> a_ind;                      ///< independent accelerations (n_ind)
   VecX<S> tau;                        ///< joint forces (nv), written by the caller
+  std::optional<Vec6<S>> prescribed;  ///< acceleration of a vehicle, where the caller prescribes it
+  MatX<S> A_held;                     ///< then A_ind without the vehicle
+  Cholesky<S> factor_held;            ///< of A_held
+  VecX<S> b_held;                     ///< right-hand side with it
+  Vec6<S> on_vehicle;                 ///< the load that prescribes it, about its origin, its axes
   VecX<S> vdot;                       ///< all accelerations (nv)
   std::vector<Wrench<S>> joint_load;  ///< per body: what its joint (with its parent) exerts on it,
                                       ///< about its origin, base axes (calc_joint_loads)

@@ -22,6 +22,11 @@ MechanismData<S>::MechanismData(const Mechanism& mechanism)
   A.setZero(nv, nv);
   A_ind.setZero(n_ind, n_ind);
   if (n_ind > 0) factor.compute(MatX<S>::Identity(n_ind, n_ind));  // sizes it
+  if (const int n = n_ind - 6; mechanism.vehicle != kBase && n > 0) {
+    A_held.setIdentity(n, n);
+    factor_held.compute(A_held);
+    b_held.setZero(n);
+  }
   for (auto* x : {&b, &tau, &vdot}) x->setZero(nv);
   scratch_v.setZero(nv);
   joint_load.resize(mechanism.model.bodies.size());
@@ -108,6 +113,27 @@ void calc_velocity(const Mechanism& mechanism, const BaseMotion<S>& base, Mechan
   calc_tree_velocity(model, plan.leg_bodies, base.w, data.tree);
 }
 
+namespace {
+
+/// Independent accelerations with that of the vehicle prescribed, and the load that this takes.
+template <class S>
+void solve_held(MechanismData<S>& data) {
+  const int n = static_cast<int>(data.b_ind.size()) - 6;
+  VecX<S>& x = data.a_ind;
+  x.template head<6>() = *data.prescribed;
+  x.tail(n) -= data.A_ind.bottomLeftCorner(n, 6).lazyProduct(*data.prescribed);
+  if (n > 0) {
+    data.A_held = data.A_ind.bottomRightCorner(n, n);
+    data.b_held = x.tail(n);
+    data.factor_held.compute(data.A_held);
+    data.factor_held.solveInPlace(data.b_held);
+    x.tail(n) = data.b_held;
+  }
+  data.on_vehicle = data.A_ind.template topRows<6>().lazyProduct(x) - data.b_ind.template head<6>();
+}
+
+}  // namespace
+
 template <class S>
 void calc_acceleration(const Mechanism& mechanism, const BaseMotion<S>& base,
                        MechanismData<S>& data) {
@@ -134,7 +160,11 @@ void calc_acceleration(const Mechanism& mechanism, const BaseMotion<S>& base,
   }
   VecX<S>& x = data.a_ind;
   x = data.b_ind;
-  if (!ind.empty()) data.factor.solveInPlace(x);
+  if (data.prescribed) {
+    solve_held(data);
+  } else if (!ind.empty()) {
+    data.factor.solveInPlace(x);
+  }
   for (size_t i = 0; i < ind.size(); ++i) data.vdot[ind[i]] = x[static_cast<int>(i)];
   // And the dependent ones from them.                                                [Y2 (6)]
   calc_loop_acceleration(plan, data.vdot, data.loops);

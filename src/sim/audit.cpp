@@ -75,14 +75,20 @@ void start_momentum_audit(const DockingModel& model, const DockingData<double>& 
   }
 }
 
-void update_momentum_scales(const DockingModel& model, const double* y, MomentumAudit& audit) {
+void update_momentum_scales(const DockingModel& model, const DockingData<double>& data,
+                            const double* y, MomentumAudit& audit) {
   for (int i : {kChaser, kTarget}) {
     if (!model.present[i]) continue;
-    const double* now = y + model.layout.momentum[i];
-    const double linear = Eigen::Map<const Vec3<double>>(now).norm();
-    const double angular = Eigen::Map<const Vec3<double>>(now + 3).norm();
-    audit.scale = std::max({audit.scale, audit.start[i].f.norm(), linear});
-    audit.angular_scale = std::max({audit.angular_scale, audit.start[i].t.norm(), angular});
+    Wrench<double> momentum;
+    if (const int at = model.layout.momentum[i]; at >= 0) {
+      momentum = {Vec3<double>(y[at], y[at + 1], y[at + 2]),
+                  Vec3<double>(y[at + 3], y[at + 4], y[at + 5])};
+    } else {
+      momentum = find_momentum(model, i, data);
+    }
+    audit.scale = std::max({audit.scale, audit.start[i].f.norm(), momentum.f.norm()});
+    audit.angular_scale =
+        std::max({audit.angular_scale, audit.start[i].t.norm(), momentum.t.norm()});
   }
 }
 

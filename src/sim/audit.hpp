@@ -67,7 +67,8 @@ bool conserves_momentum(const DockingModel& model);
 void start_momentum_audit(const DockingModel& model, const DockingData<double>& data,
                           double least_scale, MomentumAudit& audit);
 /// The scales at a communication point.
-void update_momentum_scales(const DockingModel& model, const double* y, MomentumAudit& audit);
+void update_momentum_scales(const DockingModel& model, const DockingData<double>& data,
+                            const double* y, MomentumAudit& audit);
 /// Momentum summed over bodies against its start and the impulses from outside [-].
 /// @pre all of `data` was evaluated
 double find_momentum_residual(const DockingModel& model, const DockingData<double>& data,

@@ -70,7 +70,7 @@ void BalanceWatch::update_momentum(const DockingModel& model, const DockingData<
                                    const double* y) {
   if (!conserves_momentum(model)) return;
   MomentumAudit& audit = state_.momentum_audit;
-  update_momentum_scales(model, y, audit);
+  update_momentum_scales(model, data, y, audit);
   audit.residual = std::max(audit.residual, find_momentum_residual(model, data, y, audit));
 }
 

@@ -11,6 +11,9 @@ const char* DockingSim::Impl::find_joint_obstacle() const {
     return "a rigid joint needs two vehicles that move: set chaser.motion and target.motion to "
            "free";
   }
+  if (model->has_record()) {
+    return "a rigid joint needs vehicles that no record moves: let hooks hold them";
+  }
   if (host->has_host()) {
     return "a rigid joint needs vehicles that no host moves: set chaser.motion and target.motion "
            "to "

@@ -189,23 +189,19 @@ std::vector<double> DockingSim::Impl::find_absolute_tolerances(double position, 
   std::fill_n(atol.begin() + layout.mechanism_v, layout.mechanism_nv, velocity);
   std::fill_n(atol.begin() + layout.target_v, layout.target_n, velocity);
   for (int i : {kChaser, kTarget}) {
-    if (layout.momentum[i] < 0) continue;
     const VehicleParameters& p = parameters.vehicle[i];
     const double lever2 = p.interface_position.squaredNorm();
     const double inertia = p.inertia.head<3>().maxCoeff() + p.mass * lever2;
-    std::fill_n(atol.begin() + layout.momentum[i], 3, velocity * p.mass);
-    std::fill_n(atol.begin() + layout.momentum[i] + 3, 3, velocity * inertia);
-    if (i == kChaser) {
-      std::fill_n(atol.begin() + layout.impulse, 3, velocity * p.mass);
-      std::fill_n(atol.begin() + layout.impulse + 3, 3, velocity * inertia);
-    }
+    const auto put = [&](int first) {
+      std::fill_n(atol.begin() + first, 3, velocity * p.mass);
+      std::fill_n(atol.begin() + first + 3, 3, velocity * inertia);
+    };
+    if (layout.momentum[i] >= 0) put(layout.momentum[i]);
+    if (layout.host_impulse[i] >= 0) put(layout.host_impulse[i]);
+    if (i == kChaser && model->moves[i]) put(layout.impulse);
   }
   std::fill_n(atol.begin() + layout.sums, layout.sum_count, energy);
   if (equations) equations->add_tolerances(atol);
-  for (int i : {kChaser, kTarget}) {
-    if (layout.host_impulse[i] < 0) continue;
-    std::copy_n(atol.begin() + layout.momentum[i], 6, atol.begin() + layout.host_impulse[i]);
-  }
   for (double& value : atol) value *= std::sqrt(find_share_of_norm());
   return atol;
 }

@@ -190,6 +190,11 @@ double DockingSim::Impl::find_acceleration_bound() const {
         p.interface_position.norm() + find_bounding_radius(model->contact, shown().relative);
     const double overshoot =
         (scene->parts[i].count_coordinates() > 0 ? 2.0 : 1.0) / share_without_modes[i];
+    if (model->record[i] >= 0) {
+      const InputHistory& record = model->inputs[static_cast<size_t>(model->record[i])];
+      bound += overshoot * (record.acceleration + record.angular_acceleration * arm);
+      continue;
+    }
     const double mass = model->of_host[i].mass;
     bound += overshoot * (loads.at_start().force[i].norm() / mass +
                           loads.at_start().torque[i].norm() * arm / least_inertia[i]);

@@ -57,10 +57,18 @@ void read_vehicles(const OutputSource<S>& from, OutputValues<S>& out) {
       vehicle.attitude = cast<S>(p.attitude);
       continue;
     }
-    const S* at = from.y + model.layout.pose[i];
-    vehicle.position =
-        cast<S>(from.frame_origin) + (from.frame_shift + Vec3<S>(at[0], at[1], at[2]));
-    vehicle.attitude = Vec4<S>(at[3], at[4], at[5], at[6]).normalized();
+    if (model.record[i] >= 0) {
+      const RecordedMotion<S>& motion = from.data.recorded[i];
+      vehicle.position = cast<S>(from.frame_origin) + (from.frame_shift + motion.frame.p);
+      vehicle.attitude = motion.attitude;
+      vehicle.force_ext = from.data.record_load[i].f;
+      vehicle.torque_ext = motion.frame.R.transpose() * from.data.record_load[i].t;
+    } else {
+      const S* at = from.y + model.layout.pose[i];
+      vehicle.position =
+          cast<S>(from.frame_origin) + (from.frame_shift + Vec3<S>(at[0], at[1], at[2]));
+      vehicle.attitude = Vec4<S>(at[3], at[4], at[5], at[6]).normalized();
+    }
     vehicle.velocity = from.frame_velocity + from.data.vehicle[i].v;
     vehicle.angular_velocity = from.data.vehicle[i].R.transpose() * from.data.vehicle[i].w;
   }

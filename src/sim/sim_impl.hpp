@@ -68,6 +68,7 @@ struct DockingSim::Impl : SimState {
   ContactLaw make_contact_law(const ContactLaw& from) const;
   void put_hardware(DockingModel& into) const;
   void choose_frame_O();
+  void put_record_into_O(InputHistory& record) const;
   double find_approach_speed() const;
   void start_sequence();
   bool can_be_quiescent() const;
@@ -103,6 +104,7 @@ struct DockingSim::Impl : SimState {
   // steps.cpp
   Status step(double t, double h);
   double find_lateness(double t) const;
+  std::string find_step_fault(double t, double h) const;
   Status begin_step(double h);
   void read_inputs();
   void read_tables(double tau);

@@ -112,8 +112,9 @@ int count_states(const Scene& scene, const LoopPlan& plan) {
   for (int i : {kChaser, kTarget}) {
     count += 2 * scene.parts[i].count_coordinates();
     const bool moves = scene.motion[i] != Motion::kFixed && (i == kChaser || scene.has_target);
-    if (moves) count += 7 + 6;
-    if (moves && scene.motion[i] == Motion::kDriven) count += 6;
+    const bool is_recorded = scene.motion[i] == Motion::kRecorded;
+    if (moves && !is_recorded) count += 7 + 6;
+    if (moves && (is_recorded || scene.motion[i] == Motion::kDriven)) count += 6;
   }
   return count;
 }
@@ -233,6 +234,25 @@ double DockingSim::Impl::find_approach_speed() const {
   return (find_velocity(kTarget) - find_velocity(kChaser)).norm();
 }
 
+/// Relative to O, which drifts: differences lose no digits between rows.
+/// @param record  times are since the start
+void DockingSim::Impl::put_record_into_O(InputHistory& record) const {
+  const int rows = static_cast<int>(record.pose.size());
+  for (int k = 0; k < rows; ++k) {
+    const double time = record.time[static_cast<size_t>(k)];
+    record.pose[static_cast<size_t>(k)].head<3>() -= frame_origin + time * frame_velocity;
+    record.pose_rate[static_cast<size_t>(k)].head<3>() -= frame_velocity;
+  }
+  for (int k = 0; k + 1 < rows; ++k) {
+    for (int end : {k, k + 1}) {
+      const double time = record.time[static_cast<size_t>(end)];
+      const auto motion = find_recorded_motion<double>(record, k, time);
+      record.acceleration = std::max(record.acceleration, motion.a.norm());
+      record.angular_acceleration = std::max(record.angular_acceleration, motion.alpha.norm());
+    }
+  }
+}
+
 /// Close the loops at the start of the joints, in small steps from the home pose: a loop keeps the
 /// assembly branch of the home pose.
 Status DockingSim::Impl::bring_joints_to_start() {
@@ -320,7 +340,7 @@ void DockingSim::Impl::set_start_state() {
   }
   set_start_of_parts(y);
   for (int i : {kChaser, kTarget}) {
-    if (!model->present[i] || !model->moves[i]) continue;
+    if (model->layout.pose[i] < 0) continue;
     const VehicleParameters& p = parameters.vehicle[i];
     set_vehicle_pose(*model, i, p.position - frame_origin - frame_shift, p.attitude, y);
     set_vehicle_velocity(*model, i, p.velocity - frame_velocity, p.angular_velocity, y, present());
@@ -340,6 +360,17 @@ void DockingSim::Impl::initialise(double t0, double tolerance) {
     p.velocity = in.velocity;
     p.attitude = in.attitude;
     p.angular_velocity = in.angular_velocity;
+  }
+  const std::array<int, 2> records = find_records(*scene);
+  for (int i : {kChaser, kTarget}) {
+    if (records[i] < 0) continue;
+    const InputHistory& record = scene->inputs[static_cast<size_t>(records[i])];
+    const auto start = find_recorded_motion<double>(record, find_row(record, t0), t0);
+    VehicleParameters& p = parameters.vehicle[i];
+    p.position = start.frame.p;
+    p.velocity = start.frame.v;
+    p.attitude = start.attitude;
+    p.angular_velocity = start.frame.R.transpose() * start.frame.w;
   }
   check_parameters(parameters, *scene, fmi_kind, comparison != nullptr);
   try {
@@ -383,12 +414,18 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   put_disturbances(parameters, made->disturbances);
   for (InputHistory& history : made->inputs) {
     for (double& time : history.time) time -= setup->t_start;
+    put_record_into_O(history);
   }
   model = made;
   chosen = choose_solver(wanted, setup->tolerance, *model, find_approach_speed());
   discrete.hard_dock = make_start(model->hard_dock);
   step_loop.reset();  // it refers to the equations
   equations = comparison ? comparison->make_equations(*this) : nullptr;
+  if (equations && !equations->is_reference() && model->has_record()) {
+    throw ModelError(
+        "the equations with multipliers know no vehicle with a record: set model.level = 3 "
+        "(reduced)");
+  }
   events = std::make_unique<EventLogic>(*model, discrete, memory);
   start_mechanism.reset();
   state_bodies = model->mechanism_bodies;
@@ -506,7 +543,7 @@ void DockingSim::Impl::start_sequence() {
 /// Can bodies drift in this run? Reference solutions always integrate them.
 bool DockingSim::Impl::can_drift() const {
   return setup->parameters.flight == kQuiescent && fmi_kind == FmiKind::kCoSimulation &&
-         !find_method(chosen.method)->fixed_step && !host->has_host() &&
+         !find_method(chosen.method)->fixed_step && !host->has_host() && !model->has_record() &&
          !(equations && equations->is_reference());
 }
 

@@ -47,7 +47,10 @@ double& find_member(const InputHistory& history, Inputs& inputs) {
 template <class F>
 void for_each_history(const DockingModel& model, const DiscreteState& discrete, F&& f) {
   for (size_t k = 0; k < model.inputs.size(); ++k) {
-    if (model.inputs[k].kind != InputKind::kCommand) f(model.inputs[k], discrete.input_row[k]);
+    const InputKind kind = model.inputs[k].kind;
+    if (kind != InputKind::kCommand && kind != InputKind::kMotion) {
+      f(model.inputs[k], discrete.input_row[k]);
+    }
   }
 }
 
@@ -121,6 +124,26 @@ void DockingSim::Impl::advance_inputs(double h) {
   for_each_value(slopes, [](double& slope) { slope = 0.0; });
 }
 
+/// Why no step over h can be made; empty: it can.
+std::string DockingSim::Impl::find_step_fault(double t, double h) const {
+  if (!(h > 0.0 && h <= kLongestStep)) {
+    return "the step must be longer than 0 s and at most 1e9 s";
+  }
+  for (int i : {kChaser, kTarget}) {
+    if (model->record[i] < 0) continue;
+    const double now = t - setup->t_start + h;
+    const double end = model->inputs[static_cast<size_t>(model->record[i])].time.back();
+    if (now <= end + 1e-9 * h + find_clock_rounding(now)) continue;
+    char text[160];
+    std::snprintf(text, sizeof text,
+                  "the record of the %s ends at t = %.9g s; end the run there, or give the record "
+                  "more rows",
+                  get_vehicle_name(i), setup->t_start + end);
+    return text;
+  }
+  return {};
+}
+
 /// One communication step from t to exactly t + h. On failure the state is unchanged.
 Status DockingSim::Impl::step(double t, double h) {
   status_text.clear();
@@ -138,7 +161,8 @@ Status DockingSim::Impl::step(double t, double h) {
   const std::int64_t work = step_loop->find_work();
   const bool was_pending = ahead.pending;
   Status status;
-  if (h > 0.0 && h <= kLongestStep) {
+  status_text = find_step_fault(t, h);
+  if (status_text.empty()) {
     step_loop->note_inputs(goes_on);
     if (ahead.pending && !goes_on) status = settle();
     if (ahead.pending) {
@@ -152,7 +176,6 @@ Status DockingSim::Impl::step(double t, double h) {
     if (status.ok() && !ahead.pending) status = begin_step(h);
     if (status.ok()) status = step_loop->advance(h, limit, was_pending);
   } else {
-    status_text = "the step must be longer than 0 s and at most 1e9 s";
     status.code = StatusCode::kBadInput;
   }
   if (status.ok()) {
@@ -246,6 +269,10 @@ void DockingSim::Impl::update_mean_loads(double h, const CouplingPoint& begin,
     const VehicleState &before = begin.vehicle[i], &after = end.vehicle[i];
     const Wrench<double> impulse =
         host->find_host_momentum(i, after) - host->find_host_momentum(i, before);
+    if (model->record[i] >= 0) {  // known loads and weight have been integrated
+      mean_load[i] = find_mean_load(impulse - (end.known[i] - begin.known[i]), before, after, h);
+      continue;
+    }
     mean_load[i] = find_mean_load(impulse, before, after, h);
     mean_load[i].f -= known.force[i];
     if (!model->falling) mean_load[i].f -= model->of_host[i].mass * known.gravity;

@@ -164,6 +164,8 @@ struct OutputValues {
     Vec3<S> torque = Vec3<S>::Zero();            ///< about CoM, body axes [N m]
     Vec3<S> force_mean = Vec3<S>::Zero();        ///< over the step just made, in N [N]
     Vec3<S> torque_mean = Vec3<S>::Zero();       ///< about CoM, body axes [N m]
+    Vec3<S> force_ext = Vec3<S>::Zero();         ///< with a record: from outside, in N [N]
+    Vec3<S> torque_ext = Vec3<S>::Zero();        ///< about CoM, body axes [N m]
   };
   std::array<Vehicle, 2> vehicle;
 

@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from dockloop.base.ccsds import read_message
 from dockloop.base.errors import UsageError, did_you_mean
 from dockloop.base.number import read_number
 from dockloop.base.paths import read_bytes, shown
@@ -165,7 +166,7 @@ def read_data(  # noqa: PLR0917  what a table is, then how to read it
         UsageError: naming file, column or row, and what is expected.
         DockloopError: a package is missing.
     """
-    table = read_table(path, form)
+    table = read_message(path) or read_table(path, form)
     expected = dict(zip(outputs, units, strict=True))
     channels, left_out = find_channels(table, expected, columns, terms)
     times = [channel for channel in channels if channel.name == "time"]

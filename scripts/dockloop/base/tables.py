@@ -164,7 +164,7 @@ class Table:
             )
         day, second, zone = min(every)
         hour, rest = divmod(second, 3600.0)
-        start = f"{hour:02.0f}:{rest // 60.0:02.0f}:{rest % 60.0:09.6f}".rstrip("0").rstrip(".")
+        start = f"{hour:02.0f}:{rest // 60.0:02.0f}:{rest % 60.0:012.9f}".rstrip("0").rstrip(".")
         start += " UTC" if zone else ""
         times = [
             np.array([86400 * (m[0] - day) + (m[1] - second) if m else math.nan for m in column])

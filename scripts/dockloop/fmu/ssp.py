@@ -129,6 +129,11 @@ def _split(document: dict, source: Path) -> dict[str, dict]:
     A host may go through them in this order. In parallel mode the docking is the last, so that it
     receives where its vehicles are before it is initialised; in sequential mode it steps first.
     """
+    if recorded := [v for v in VEHICLES if document.get(v, {}).get("motion") == "recorded"]:
+        raise UsageError(
+            f"{paths.shown(source)}: the {recorded[0]} follows a record, so no FMU can move it;"
+            " leave its entries of [[input]] out"
+        )
     taken_out = [v for v in VEHICLES if document.get(v, {"motion": "fixed"})["motion"] != "fixed"]
     if not taken_out:
         raise UsageError(

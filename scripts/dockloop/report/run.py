@@ -4,6 +4,8 @@ import shlex
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from dockloop.base.number import say_number
 from dockloop.base.sections import FACTS, Section, list_files
 from dockloop.report.parts import (
@@ -101,6 +103,13 @@ def _list_facts(summary: dict) -> Iterator[tuple[str, str]]:
         yield "audit", f"energy residual {energy['residual']:.1e} J{part}"
     if "momentum_residual" in summary:
         yield "", f"momentum residual {summary['momentum_residual']:.1e} (relative)"
+    for vehicle, load in summary.get("records", {}).items():
+        impulse = say_number(float(np.linalg.norm(load["impulse"])))
+        force = say_number(load["largest_force"])
+        yield (
+            "record",
+            f"{impulse} N s and at most {force} N from outside keep the {vehicle} on its record",
+        )
     clock = summary["time"]
     simulated = f"{summary['simulated_time']:g} s simulated in {clock['loop']:.2f} s"
     speed = f"{clock['real_time_factor']:.0f} times real time"

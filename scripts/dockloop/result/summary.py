@@ -104,6 +104,9 @@ def summarise(run: Result) -> dict:
         summary["energy"] = _energy(run)
     if "momentum.residual" in run:
         summary["momentum_residual"] = float(np.max(np.abs(run["momentum.residual"])))
+    recorded = [v for v in VEHICLES if run.scene.get(v, {}).get("motion") == "recorded"]
+    if recorded and f"{recorded[0]}.force_mean[1]" in run:
+        summary["records"] = {vehicle: _record(run, vehicle) for vehicle in recorded}
     if "leg[1].length" in run:
         summary["legs"] = _legs(run)
     summary["time"] = _wall_time(run, simulated)
@@ -283,6 +286,18 @@ def _energy(run: Result) -> dict:
         if name != column and name.startswith(("dissipated", "external")):
             energy[name] = float(run[column][-1])
     return energy
+
+
+def _record(run: Result, vehicle: str) -> dict:
+    """Return the load from outside that keeps a vehicle on its record.
+
+    Its impulse [N s] is the change of momentum less the impulse of the docking system.
+    """
+    velocity = run.vector(f"{vehicle}.velocity")
+    steps, means = np.diff(run.time), run.vector(f"{vehicle}.force_mean")[1:]
+    impulse = run.parameters[f"{vehicle}.mass"] * (velocity[-1] - velocity[0]) - steps @ means
+    forces = np.linalg.norm(run.vector(f"{vehicle}.force_ext"), axis=1)
+    return {"impulse": impulse.tolist(), "largest_force": float(forces.max())}
 
 
 def _legs(run: Result) -> dict:

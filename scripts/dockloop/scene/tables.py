@@ -9,14 +9,17 @@ import copy
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from dockloop.base.ccsds import is_message
 from dockloop.base.errors import UsageError, warn_once
 from dockloop.base.histories import (
     Channel,
+    Data,
     Terms,
     check_once,
     find_channels,
@@ -29,6 +32,7 @@ from dockloop.base.tables import Table, parse_form, read_table
 from dockloop.base.units import find_factor
 from dockloop.native.core import core_errors, name_source, to_json
 from dockloop.native.variables import read_variables
+from dockloop.scene.records import MEMBERS, NAMES, UNITS, Records
 
 _SLIDE, _TURN = ("m", "N"), ("rad", "N.m")
 _SHOWN = 8  # names in a warning
@@ -171,11 +175,12 @@ def read_inputs(entries: Sequence[dict], document: dict, source: Path) -> list[d
 
     Args:
         entries: of ``[[input]]``, which the schema accepts.
-        document: the resolved scene without them.
+        document: the resolved scene without them; vehicles with a record become ``recorded``.
         source: the scene file: next to it are the tables.
 
     Returns:
-        For each input ``variable``, ``interpolation``, ``time`` [s] and ``value`` in SI units.
+        For each input ``variable``, ``interpolation``, ``time`` [s] and ``value`` in SI units, for
+        each vehicle with a record ``time``, ``pose`` and ``velocity``.
 
     Raises:
         UsageError: naming file, line or column, value, and what is expected.
@@ -184,14 +189,31 @@ def read_inputs(entries: Sequence[dict], document: dict, source: Path) -> list[d
     with core_errors() as core:
         variables = read_variables(core.Docking(to_json(document), name_source(source)))
     inputs = {name: v for name, v in variables.items() if v.causality == "input"}
-    units = ["s", *(variable.unit for variable in inputs.values())]
+    units = ["s", *(variable.unit for variable in inputs.values()), *UNITS]
+    records = Records(document)
     terms = Terms("[[input]] columns", "the scene", "input", "chaser.force_ext[1]:N")
     histories: dict[str, dict[str, Any]] = {}
     for number, entry in enumerate(copy.deepcopy(entries), 1):
         place = f"{shown(source)}: input[{number}]"
         path, form, columns = _take_file(entry, source, place)
-        data = read_data(path, ["time", *inputs], units, form, columns, terms)
+        shorts = NAMES if is_message(path) else []
+        if "vehicle" in entry and not shorts:
+            raise UsageError(
+                f"{place}: 'vehicle' is of CCSDS messages: columns of a table name their vehicle"
+            )
+        names = ["time", *inputs, *shorts]
+        data = read_data(path, names, units[: len(names)], form, columns, terms)
         _warn_of_unknown(shown(path), data.unknown, terms)
+        _say_message(shown(path), data)
+        names = [records.complete(name, entry.get("vehicle"), place) for name in data.names]
+        is_motion = any(name.partition("[")[0].partition(".")[2] in MEMBERS for name in names)
+        if is_motion and entry.get("interpolation") == "hold":
+            raise UsageError(f"{place}: has a motion, which cannot hold: leave 'interpolation' out")
+        shift = records.find_shift(data, entry.get("start"), place, is_motion=is_motion)
+        data = replace(data, time=data.time - shift, names=names)
+        others = records.take(data, shown(path))
+        if not others:
+            continue
         stop = document["experiment"]["stop"]
         if data.time[0] > stop or data.time[-1] < 0.0:
             span = f"{data.time[0]:.10g} to {data.time[-1]:.10g} s, the run from 0 to {stop:g} s"
@@ -199,7 +221,8 @@ def read_inputs(entries: Sequence[dict], document: dict, source: Path) -> list[d
                 f"{shown(path)}: is from {span}: only one row acts; times are those of the run, or"
                 " dates"
             )
-        for name, values in zip(data.names, data.values.T, strict=True):
+        for name in others:
+            values = data[name]
             if name in histories:
                 raise UsageError(f"{place}: '{name}' has a table already: leave one of them out")
             rows = np.isfinite(values)
@@ -210,7 +233,24 @@ def read_inputs(entries: Sequence[dict], document: dict, source: Path) -> list[d
                 "time": data.time[rows].tolist(),
                 "value": values[rows].tolist(),
             }
-    return list(histories.values())
+    motions = records.list_motions()
+    for motion in motions:
+        document[motion["variable"].partition(".")[0]]["motion"] = "recorded"
+    return [*motions, *histories.values()]
+
+
+def _say_message(place: str, data: Data) -> None:
+    """Say once what the frame and the keywords of a CCSDS message are taken for."""
+    form = data.source["form"]
+    if "message" not in form:
+        return
+    if form["unknown"]:
+        names = "', '".join(form["unknown"])
+        warn_once(f"{place}: nothing uses the keyword '{names}'")
+    warn_once(
+        f"{place}: REF_FRAME '{form['frame']}' is taken as the frame N of the scene; the first row"
+        f" is at {data.source['time_from']} {form['time_system']}"
+    )
 
 
 def list_files(scene: Mapping[str, Any]) -> list[dict]:
