@@ -110,7 +110,7 @@ def test_a_shipped_mechanism_is_the_same_in_mujoco(name):
     mass = np.zeros((m.nv, m.nv))
     mujoco.mj_fullM(m, data, mass)
     force = data.qfrc_applied - data.qfrc_bias
-    rate = np.concatenate([find_rates(m, data, i) for i in range(m.neq)])
+    rate = np.concatenate([np.zeros(0), *(find_rates(m, data, i) for i in range(m.neq))])
     root = np.linalg.cholesky(mass)  # of coordinates in which the mass is one
     free, whitened = np.linalg.solve(root, force), np.linalg.solve(root, jac.T).T
     held = free - np.linalg.pinv(whitened, rcond=1e-10) @ (whitened @ free + rate)

@@ -39,6 +39,18 @@ double find_gyration_radius(const VehicleBody& body) {
   return std::sqrt(body.inertia.trace() / (3.0 * body.mass));
 }
 
+/// Errors of motion and of responses to loads, relative to both; the largest [-].
+double find_scaled_error(const ReportSums& sums) {
+  double largest2 = 0.0;
+  const auto consider = [&](double error2, double size2) {
+    if (size2 > 0.0) largest2 = std::max(largest2, error2 / size2);
+  };
+  consider(sums.turn_error2[0], sums.turn2 + sums.spin_matrix.trace());
+  consider(sums.move_error2[0], sums.move2 + sums.velocity2);
+  for (const ResponseSums* r : {&sums.force, &sums.torque}) consider(r->error2, r->change2);
+  return std::sqrt(largest2);
+}
+
 /// The model of a target without parts has its centre of mass in its origin.
 void hold_centre(MassEstimate& estimate) {
   constexpr double kHeld = 1e-12;  // variance, in units of the first deviations

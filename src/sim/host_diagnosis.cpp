@@ -296,11 +296,9 @@ HostFinding explain_torque(const LoadStep& step, const ResponseSums& r) {
       least = std::min(least, 1.0 + product / change2);
       if (std::abs(value) > std::abs(worst)) worst = value;
     }
-    if (least < kLeastFelt) {  // about an axis
-      search.consider(by_axis, kTorqueMissing, felt);
-    } else {
-      search.consider(by_axis, kWrongInertia, worst);
-    }
+    const bool is_missing = least < kLeastFelt;  // about an axis
+    search.consider(by_axis, is_missing ? kTorqueMissing : kWrongInertia,
+                    is_missing ? felt : worst);
   }
   search.consider(r.left2[0], kTorqueInN);
   search.consider(r.left2[1], kTorqueTurned);
@@ -543,9 +541,8 @@ HostFinding judge_motion(const ReportPair& pair, double keep, ReportSums& sums) 
     const double units = sums.velocity2 > 0.0 ? sums.move_velocity / sums.velocity2 : 0.0;
     const double left = sums.move2 - units * sums.move_velocity;
     if (std::abs(units) > 1e-5 && left < kExplained * sums.move_error2[0]) {
-      const bool is_unit = std::abs(units - 1.0) > kUnitShare;
-      return is_unit ? HostFinding{kPositionUnit, 1.0 / units}
-                     : HostFinding{kPositionUnrelated, error};
+      if (std::abs(units - 1.0) > kUnitShare) return {kPositionUnit, 1.0 / units};
+      return {kPositionUnrelated, error};
     }
     // Its part along the axis of rotation does not show: the smallest vector.
     const Mat3<double> regular =
@@ -682,17 +679,6 @@ HostFinding explain_by_mode(double h, bool fits, const ReportSums& sums) {
   const HostMode mode = find_mode(sums.mode, h);
   const bool is_seen = mode.rate * loaded * h > kLeastPeriods && (mode.bends || !fits);
   return is_seen ? HostFinding{kFlexiblePart, mode.frequency, mode.deflection} : HostFinding();
-}
-
-double find_scaled_error(const ReportSums& sums) {
-  double largest2 = 0.0;
-  const auto consider = [&](double error2, double size2) {
-    if (size2 > 0.0) largest2 = std::max(largest2, error2 / size2);
-  };
-  consider(sums.turn_error2[0], sums.turn2 + sums.spin_matrix.trace());
-  consider(sums.move_error2[0], sums.move2 + sums.velocity2);
-  for (const ResponseSums* r : {&sums.force, &sums.torque}) consider(r->error2, r->change2);
-  return std::sqrt(largest2);
 }
 
 double find_mass_mismatch(const ReportSums& sums) {

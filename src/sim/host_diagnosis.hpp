@@ -248,9 +248,6 @@ HostFinding judge_loads(const LoadStep& step, double keep, ReportSums& sums);
 /// rigid body of another mass explains the velocities: then positions decide
 HostFinding explain_by_mode(double h, bool fits, const ReportSums& sums);
 
-/// Errors of motion and of responses to loads, relative to both; the largest [-].
-double find_scaled_error(const ReportSums& sums);
-
 /// True / stated mass - 1; 0 without an estimate.
 double find_mass_mismatch(const ReportSums& sums);
 /// Is the stated mass right within a tenth, and does it explain the motion?

@@ -286,7 +286,7 @@ def make_rows():
             **where,
         )
 
-    def beside_adapter(frequency, **where):
+    def behind_adapter(frequency, **where):
         """The host has all of the same vehicle, and reports its total."""
         return replace(
             with_adapter(frequency, **where),
@@ -329,7 +329,7 @@ def make_rows():
         *(
             place(frequency, scene="apda", stop=HOOKED)
             for frequency in (8.0, 12.0, 20.0)
-            for place in (with_adapter, beside_adapter)
+            for place in (with_adapter, behind_adapter)
         ),
         Row(
             "rigid",
