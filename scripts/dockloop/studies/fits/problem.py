@@ -466,16 +466,19 @@ class Problem:
             return x
         moved = x.copy()
 
-        def put(part: np.ndarray) -> np.ndarray:
-            moved[free] = part
+        def put(way: np.ndarray) -> np.ndarray:
+            moved[free] = x[free] + way
             return moved
 
-        def calc_rows(part: np.ndarray) -> np.ndarray:
-            rows = [self._calc_rows(put(part), s, None) for s in self.choose(trials)]
+        def calc_rows(way: np.ndarray) -> np.ndarray:
+            rows = [self._calc_rows(put(way), s, None) for s in self.choose(trials)]
             return np.vstack(rows)[:, free]
 
         found = least_squares(
-            lambda part: self.calc_residuals(put(part), trials), x[free], calc_rows, max_nfev=30
+            lambda way: self.calc_residuals(put(way), trials),
+            np.zeros(len(free)),  # the length of the start limits the first step, unless it is 0
+            calc_rows,
+            max_nfev=30,
         )
         return put(found.x).copy()
 
@@ -485,8 +488,9 @@ class Problem:
         for k in trials if self.sensors.shift is None else ():
             data, run = self.trials[k].data, self.get_run(x, k)
             if data is not None and not isinstance(run, str):
-                index = next(s.unknowns["shift"] for s in self.series if s.trial == k)
-                found = float(find_shift(run, data))
+                unknowns = {s.name: s.unknowns for s in self.choose([k])}
+                index = next(iter(unknowns.values()))["shift"]
+                found = float(find_shift(run, data, unknowns))
                 base = self._shifts.setdefault(
                     k, found
                 )  # so that the vector has entries of about 1

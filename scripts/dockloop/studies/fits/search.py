@@ -249,11 +249,13 @@ def _judge(problem: Problem, x: np.ndarray, loss: str, noise: dict[str, float]) 
     rows = problem.split(np.arange(len(residuals)), every)
     is_known = [series.noise is not None or series.name in noise for series in problem.series]
     weights = np.concatenate([
-        np.isfinite(series.sigma)
-        * (0.0 if problem.trials[series.trial].is_held else each["per_sample"] ** -0.5)
+        np.isfinite(series.sigma) * each["per_sample"] ** -0.5
         for series, each in zip(problem.series, judged, strict=True)
     ])  # fmt: skip
-    used = weights > 0.0
+    is_held = np.concatenate([
+        np.full(len(series.time), problem.trials[series.trial].is_held) for series in problem.series
+    ])  # fmt: skip
+    used = (weights > 0.0) & ~is_held
     missed = all(series.misses_impacts for series in problem.choose(problem.list_trials()))
     extents = np.concatenate([series.extent / series.sigma for series in problem.series])
     resolution = problem.accuracy / (2.0 * problem.step) * float(np.linalg.norm(extents[used]))
@@ -262,7 +264,7 @@ def _judge(problem: Problem, x: np.ndarray, loss: str, noise: dict[str, float]) 
     factor = find_factor(residuals[used], loss, free)
     # with missed impacts this is one of several valleys, of which derivatives say nothing
     made = estimate(
-        jacobian[used] * weights[used, None], own, factor, math.inf if missed else resolution
+        jacobian * weights[:, None], own, factor, math.inf if missed else resolution, is_held
     )
     spread = 1.0 + np.einsum("ij,jk,ik->i", jacobian, made.covariance, jacobian)
     bands = [
