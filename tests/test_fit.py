@@ -160,6 +160,45 @@ def test_samples_outside_of_the_run_do_not_count(tmp_path):
     assert_found(found, C, DAMPING)
 
 
+def find_ends(folder, **more):
+    """Fit the first half of a test; return what was found and when its runs ended [s]."""
+    lines = write_rig(folder / "rig.csv").read_text().splitlines()
+    (folder / "rig.csv").write_text("\n".join(lines[:150]) + "\n")
+    data = {"file": str(folder / "rig.csv"), "outcome": more.pop("outcome", "")}
+    found = fit(data, output=folder / "fit.json", **more)
+    rows = [json.loads(line) for line in (folder / "fit.jsonl").read_text().splitlines()]
+    (folder / "fit.jsonl").unlink()
+    return found, [row["end_time"] for row in rows if "values" in row]
+
+
+def test_runs_end_with_the_data(tmp_path):
+    """The scene stops after 5 s, the data at 2.33 s; a start shows which shift is possible."""
+    last = TIME[148]
+    found, ends = find_ends(tmp_path)
+    assert ends[0] == 5.0
+    assert max(ends[1:]) < last + 0.1 * np.ptp(TIME[:149]) + 0.05
+    assert sum(ends) < 0.6 * 5.0 * len(ends)
+    _, known = find_ends(tmp_path, shift=-CLOCK)
+    assert last < max(known[1:]) < last + 0.03
+    for more in ({"stop": 5.0}, {"outcome": "rebound"}, {"starts": 2, "outcome": "captured"}):
+        whole, ends = find_ends(tmp_path, **more)
+        assert set(ends) == {5.0}
+        for name, by in found.deviations.items():
+            assert abs(whole.values[name] - found.values[name]) < 0.1 * by
+
+
+def test_runs_go_on_if_the_data_leave_them(tmp_path, monkeypatch):
+    """As after a search that shifts the data far behind a start."""
+    whole, _ = find_ends(tmp_path, stop=5.0)
+    monkeypatch.setattr("dockloop.studies.fits.problem._LATER", -0.3)
+    found, ends = find_ends(tmp_path)
+    assert min(ends) < TIME[148]
+    assert ends[-1] == 5.0
+    assert found.values == pytest.approx(whole.values, rel=1e-4)
+    samples = [each.residuals["rig"]["relative.axial"]["samples"] for each in (found, whole)]
+    assert samples[0] == samples[1]
+
+
 def test_a_shift_that_leaves_most_samples_out_is_said(tmp_path):
     """From a stiffness that is far away the search finds a shift at which 16 of 307 are left."""
     rig = write_rig(tmp_path / "rig.csv")

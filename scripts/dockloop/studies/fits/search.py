@@ -99,11 +99,13 @@ def find_fit(
     lost: DockloopError | None = None
     for group in (points[:1], points[1:]):
         try:
+            problem.lengthen()
             ranked = _rank(problem, group, counts)[:_BEST]
+            problem.cut([*ranked, *([best[0]] if best else [])], fitted)
             solved = [_solve(problem, start, loss, is_coarse=True) for start in ranked]
             x = min(solved, key=lambda x: _score(problem, x), default=None)
             if x is not None and (best is None or _score(problem, x) < _score(problem, best[0])):
-                best = _refine(problem, x, loss)
+                best = _finish(problem, x, loss)
         except UsageError as error:  # a shift at which too few samples are left
             lost = lost or error
         if best and not _is_doubtful(problem, *best):
@@ -116,6 +118,7 @@ def find_fit(
     noise = problem.weigh(x, fitted, is_robust=loss != "linear")
     if held:
         x = problem.shift(x, held)
+        problem.cut([x], held)
         for _ in range(2):  # weights depend on the shift
             problem.weigh(x, held, is_robust=loss != "linear", noise=noise)
             x = problem.polish(x, held)
@@ -161,6 +164,19 @@ def _score(problem: Problem, x: np.ndarray) -> tuple[int, float]:
     trials = problem.list_trials()
     others = sum(problem.compare_outcome(x, k).get("agrees") is False for k in trials)
     return others, float(np.sum(problem.calc_residuals(x) ** 2))
+
+
+def _finish(problem: Problem, x: np.ndarray, loss: str) -> tuple[np.ndarray, dict[str, float]]:
+    """Refine a vector; again with longer runs if its data left those that end with them."""
+    try:
+        found = _refine(problem, x, loss)
+        if not problem.is_short(found[0]):
+            return found
+    except UsageError:
+        if not problem.ends:
+            raise
+    problem.lengthen()
+    return _refine(problem, x, loss)
 
 
 def _refine(problem: Problem, x: np.ndarray, loss: str) -> tuple[np.ndarray, dict[str, float]]:
