@@ -160,6 +160,45 @@ def test_samples_outside_of_the_run_do_not_count(tmp_path):
     assert_found(found, C, DAMPING)
 
 
+def find_ends(folder, **more):
+    """Fit the first half of a test; return what was found and when its runs ended [s]."""
+    lines = write_rig(folder / "rig.csv").read_text().splitlines()
+    (folder / "rig.csv").write_text("\n".join(lines[:150]) + "\n")
+    data = {"file": str(folder / "rig.csv"), "outcome": more.pop("outcome", "")}
+    found = fit(data, output=folder / "fit.json", **more)
+    rows = [json.loads(line) for line in (folder / "fit.jsonl").read_text().splitlines()]
+    (folder / "fit.jsonl").unlink()
+    return found, [row["end_time"] for row in rows if "values" in row]
+
+
+def test_runs_end_with_the_data(tmp_path):
+    """The scene stops after 5 s, the data at 2.33 s; a start shows which shift is possible."""
+    last = TIME[148]
+    found, ends = find_ends(tmp_path)
+    assert ends[0] == 5.0
+    assert max(ends[1:]) < last + 0.1 * np.ptp(TIME[:149]) + 0.05
+    assert sum(ends) < 0.6 * 5.0 * len(ends)
+    _, known = find_ends(tmp_path, shift=-CLOCK)
+    assert last < max(known[1:]) < last + 0.03
+    for more in ({"stop": 5.0}, {"outcome": "rebound"}, {"starts": 2, "outcome": "captured"}):
+        whole, ends = find_ends(tmp_path, **more)
+        assert set(ends) == {5.0}
+        for name, by in found.deviations.items():
+            assert abs(whole.values[name] - found.values[name]) < 0.1 * by
+
+
+def test_runs_go_on_if_the_data_leave_them(tmp_path, monkeypatch):
+    """As after a search that shifts the data far behind a start."""
+    whole, _ = find_ends(tmp_path, stop=5.0)
+    monkeypatch.setattr("dockloop.studies.fits.problem._LATER", -0.3)
+    found, ends = find_ends(tmp_path)
+    assert min(ends) < TIME[148]
+    assert ends[-1] == 5.0
+    assert found.values == pytest.approx(whole.values, rel=1e-4)
+    samples = [each.residuals["rig"]["relative.axial"]["samples"] for each in (found, whole)]
+    assert samples[0] == samples[1]
+
+
 def test_a_shift_that_leaves_most_samples_out_is_said(tmp_path):
     """From a stiffness that is far away the search finds a shift at which 16 of 307 are left."""
     rig = write_rig(tmp_path / "rig.csv")
@@ -327,22 +366,40 @@ def test_a_capture_that_only_the_rig_had_is_named(tmp_path):
     assert set(found.residuals["rig"]) == set(SIGMA)  # a choice has no residual
 
 
-def test_a_test_that_is_held_back_is_predicted_within_its_band(tmp_path):
-    data = [
-        {
-            "file": str(write_rig(tmp_path / f"{name}.csv", seed, speed=speed, clock=seed)),
-            "set": {"initial.closing_speed": speed},
-            "held_back": name == "other",
-        }
-        for seed, (name, speed) in enumerate({"slow": 0.06, "fast": 0.1, "other": 0.08}.items())
-    ]
-    found = fit(*data)
+@pytest.mark.parametrize("options", [(), ("offset",), ("scale",), ("offset", "scale")], ids=str)
+def test_a_test_that_is_held_back_is_predicted_within_its_band(tmp_path, options):
+    """What sensors have of their own in each test follows from its own data, held back or not."""
+    sensor = {name: value for name, value in (("offset", 0.02), ("scale", 1.1)) if name in options}
+    data = []
+    for seed, (name, speed) in enumerate({"slow": 0.06, "fast": 0.1, "other": 0.08}.items()):
+        axial, force = move(TIME, speed)
+        seen = sensor.get("scale", 1.0) * axial + sensor.get("offset", 0.0), force
+        file = str(write_rig(tmp_path / f"{name}.csv", seed, seen, clock=seed))
+        held = {"held_back": name == "other"}
+        data.append({"file": file, "set": {"initial.closing_speed": speed}, **held})
+    more = {f"{name}s": "relative.axial" for name in options}
+    found = fit(*data, **more)
     for row in found.residuals["other"].values():
         assert row["in_band"] == pytest.approx(0.95, abs=0.03)
         assert row["rms_before"] > 2.0 * row["rms"]
-    without = fit(*data[:2])
+    assert not found.summary["hidden"]
+    unknowns = found.summary["by_test"]["other"]["unknowns"]
+    true = {"shift": -2.0} | {f"{name} of relative.axial": sensor[name] for name in options}
+    assert unknowns.keys() == true.keys()
+    for name, value in true.items():
+        assert abs(unknowns[name]["value"] - value) < 3.0 * unknowns[name]["deviation"], name
+    without = fit(*data[:2], **more)
     assert found.values == pytest.approx(without.values, rel=1e-4)
     assert found.deviations == pytest.approx(without.deviations, rel=1e-3)
+
+
+def test_what_is_not_known_of_a_held_back_sensor_widens_its_band():
+    """One parameter, known to 0.1 by a fitted sample; two more samples share an unknown offset."""
+    jacobian = np.array([[10.0, 0.0], [1.0, 1.0], [3.0, 1.0]])
+    found = estimate(jacobian, 1, 1.0, 0.0, np.array([False, True, True]))
+    assert found.covariance[0, 0] == pytest.approx(0.01)
+    spread = np.einsum("ij,jk,ik->i", jacobian, found.covariance, jacobian)
+    assert spread[1:] == pytest.approx([0.5 + 0.01] * 2)  # half of the noise, less the mean slope
 
 
 def test_a_channel_that_only_a_held_back_test_has_is_not_judged_without_noise(tmp_path):

@@ -103,6 +103,17 @@ def test_shift_units_and_time_of_capture_are_found(tmp_path, shift):
     assert found["captured"]["computed_time"] == pytest.approx(6.01)
 
 
+@pytest.mark.parametrize("unknowns", [["offset"], ["scale"], ["offset", "scale"]], ids=str)
+def test_the_shift_is_found_next_to_what_else_is_not_known(unknowns):
+    """A distance that grows: an offset of 0.3 or a factor of 1.2 is like another shift."""
+    run = dl.run("absorber_1d", stop=4.0)
+    name, rows = "relative.axial", slice(20, 350, 3)
+    seen = (1.2 if "scale" in unknowns else 1.0) * run[name][rows, np.newaxis]
+    data = Data(run.time[rows] + 2.0, [name], ["m"], seen + 0.3 * ("offset" in unknowns))
+    assert find_shift(run, data, {name: unknowns}) == pytest.approx(-2.0, abs=1e-4)
+    assert abs(find_shift(run, data) + 2.0) > 3e-3
+
+
 def test_times_since_1970_come_to_an_end():
     """Their rounding is larger than the accuracy of the search."""
     run = make_run()

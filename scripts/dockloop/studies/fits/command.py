@@ -137,7 +137,7 @@ def fit(
         vary_each: the same, where each test has a value of its own.
         overrides: keys of the scene that all tests have otherwise.
         start_values: values of variables that all tests start with.
-        stop: end of a run [s]; default: that of the scene.
+        stop: end of a run [s]; default: that of the scene, or sooner with the data of a test.
         step: communication step [s]; default: that of the scene, or that of the data if smaller.
         columns: what columns mean, as ``--columns``.
         csv: form of the tables, as ``--csv``.

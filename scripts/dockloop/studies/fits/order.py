@@ -30,6 +30,7 @@ from dockloop.sweeps.sampling import Cases, Sweep, list_quantities
 
 WORK = "fit"
 _TEST = "test"  # the column of the names of tests
+_STOP = "experiment.stop"
 _MOST_POINTS = 20_000  # of a run
 _FINER = 0.1  # of a step, where sensors have a limited rate
 _MOST_CASES = 100_000
@@ -121,8 +122,9 @@ def work(
 
     accuracy = float(order.settings["accuracy"])
     problem = Problem(
-        planner, campaign, trials, order.vary, order.sensors, accuracy=accuracy, report=show
-    )
+        planner, campaign, trials, order.vary, order.sensors,
+        accuracy=accuracy, is_open=_is_open(order, trials), report=show,
+    )  # fmt: skip
     parts, units = zip(*(own[parameter.vary.name] for parameter in problem.parameters), strict=True)
     with campaign.at_work():
         if order.is_plan:
@@ -225,10 +227,21 @@ def _make_sweep(order: Order, trials: Sequence[Trial]) -> Sweep:
         "vary": vary,
         "experiment": dict(order.experiment),
     }
-    ends = np.array([[v.low, v.high] for v in order.vary]).T
+    ends = [[v.low, v.high] for v in order.vary]
+    if _is_open(order, trials):
+        vary.append({"type": "uniform", "name": _STOP, "range": [0.0, 1.0]})  # cases say it
+        ends.append([0.0, 1.0])
     quantities = list_quantities(document)
     scene = find_scene(order.scene)
-    return Sweep(Path(WORK), "", scene, document, quantities, Cases(vary, ends))
+    return Sweep(Path(WORK), "", scene, document, quantities, Cases(vary, np.array(ends).T))
+
+
+def _is_open(order: Order, trials: Sequence[Trial]) -> bool:
+    """Return whether runs may end with the data: nothing says when they stop."""
+    given = [order.settings, [v.name for v in order.vary], *(t.settings for t in trials)]
+    return not (
+        order.is_plan or "stop" in order.experiment or any(_STOP in names for names in given)
+    )
 
 
 def _find_own(

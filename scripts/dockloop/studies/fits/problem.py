@@ -5,7 +5,8 @@ is not of interest: time shift, offsets and scales of channels. Only parameters 
 derivatives are differences of runs (`sqrt(accuracy)` of the range: between error of a run and
 curvature), which are cases of a campaign and run side by side. A difference is never taken across a
 change of the outcome. Derivatives go along to the next point, corrected by what changed on the way
-(Broyden), as long as they foresee most of that change.
+(Broyden), as long as they foresee most of that change. Starts run to the stop of the scene, since
+data may be anywhere in it; the runs that follow end soon after the data.
 
 Runs are read linearly between communication points. A sample where the run bends within one step
 (contact, capture, a jump) counts less, and hardly if it bends by more than the noise: the height of
@@ -35,6 +36,8 @@ from dockloop.sweeps.planning import Planner
 _FORESEEN = 0.3  # part of a change of a run that derivatives may miss, and go along
 _ROUNDS = 5  # of the estimate of noise with bends
 _MISSED, _SEEN = 0.1, 3.0  # a peak of one sample is an impact: of the range of a channel, its noise
+_LATER = 0.1  # of the time of a test: by how much a search may shift its data behind a start
+_SAVED = 0.1  # of a run: less is not worth to run a start again
 _FAR = 0.1  # deviation of a channel before anything is known, part of its range
 
 
@@ -146,6 +149,7 @@ class Problem:
         size: length of the vector.
         labels: of the entries behind the parameters: test, kind, channel (empty for a shift).
         step: part of the range over which differences go.
+        ends: when runs of tests end that need not go on to their stop [s].
     """
 
     def __init__(
@@ -157,13 +161,16 @@ class Problem:
         sensors: Sensors,
         *,
         accuracy: float,
+        is_open: bool = False,
         report: Callable[[int], None] = lambda _: None,
     ) -> None:
-        """Lay out the unknowns; nothing runs yet."""
+        """Lay out the unknowns; nothing runs yet. Cases of an open problem say when they end."""
         self.planner, self.trials, self.sensors = planner, list(trials), sensors
         self._campaign, self._report, self._vary = campaign, report, list(vary)
         self.accuracy = accuracy
         self.step = math.sqrt(accuracy)
+        self._is_open, self._stop = is_open, float(planner.times[-1])
+        self.ends: dict[int, float] = {}
         self._runs: dict[tuple, Any] = {}  # by case: a recording, or why there is none
         self.outcomes: dict[tuple, str] = {}
         self._slopes: dict[int, Slopes] = {}  # by test, where the search has them
@@ -185,12 +192,12 @@ class Problem:
     def _list_series(self, number: int) -> Iterator[Series]:
         trial, shift = self.trials[number], {}
         if self.sensors.shift is None:
-            data = trial.data
-            grid = self.planner.times if data is None else data.time
-            shift = {"shift": self._add(number, "shift", "", float(np.ptp(grid)))}
+            span = float(np.ptp(self._find_times(number)))
+            shift = {"shift": self._add(number, "shift", "", span)}
         for name in trial.channels:
             if trial.data is None:
-                time, values = self.planner.times, np.zeros(len(self.planner.times))
+                time = self._find_times(number)
+                values = np.zeros(len(time))
             else:
                 is_there = np.isfinite(trial.data[name])
                 time, values = trial.data.time[is_there], trial.data[name][is_there]
@@ -202,6 +209,11 @@ class Problem:
                 unknowns["scale"] = self._add(number, "scale", name, 1.0)
             noise = trial.noise.get(name)
             yield Series(number, name, time, values, noise, np.ones(len(time)), extent, unknowns)
+
+    def _find_times(self, number: int) -> np.ndarray:
+        """Return the times of the samples of a test [s]."""
+        data = self.trials[number].data
+        return self.planner.times if data is None else data.time
 
     def _add(self, trial: int, kind: str, channel: str, unit: float) -> int:
         self.labels.append((trial, kind, channel))
@@ -221,7 +233,41 @@ class Problem:
             for p, part in zip(self.parameters, x, strict=False)
             if p.trial in (None, trial)
         }
-        return (self.trials[trial].name, *(values[vary.name] for vary in self._vary))
+        end = [self.ends.get(trial, self._stop)] if self._is_open else []
+        return (self.trials[trial].name, *(values[vary.name] for vary in self._vary), *end)
+
+    def cut(self, points: Sequence[np.ndarray], trials: Sequence[int]) -> None:
+        """Let runs end after the data, as shifted at some vectors and by what a search may add.
+
+        Those with a stated outcome go on: it may come after the data.
+        """
+        for k in trials if self._is_open and points else ():
+            run = self.get_run(points[0], k)
+            if self.trials[k].outcome or isinstance(run, str):
+                continue
+            first, second = run.time[:2]
+            last = max(self._find_last(x, k) for x in points)
+            span = float(np.ptp(self._find_times(k)))
+            last += _LATER * span if self.sensors.shift is None else 0.0
+            steps = math.ceil((last - first) / (second - first)) + 1
+            end = float(first + steps * (second - first))
+            if end < first + (1.0 - _SAVED) * (self._stop - first):
+                self.ends[k] = end
+                self._slopes.pop(k, None)
+
+    def lengthen(self) -> None:
+        """Let runs go on to their stop."""
+        self.ends.clear()
+        self._slopes.clear()
+
+    def is_short(self, x: np.ndarray) -> bool:
+        """Return whether data go on behind the end of a run that was cut."""
+        return any(end < min(self._find_last(x, k), self._stop) for k, end in self.ends.items())
+
+    def _find_last(self, x: np.ndarray, trial: int) -> float:
+        """Return the time of the run at the last sample [s]."""
+        series = self.choose([trial])[0]
+        return float(self._find_times(trial)[-1]) + self.find_unknown(x, series, "shift")
 
     def run(self, cases: Sequence[tuple]) -> None:
         """Run cases that are not known yet, side by side."""
@@ -466,16 +512,19 @@ class Problem:
             return x
         moved = x.copy()
 
-        def put(part: np.ndarray) -> np.ndarray:
-            moved[free] = part
+        def put(way: np.ndarray) -> np.ndarray:
+            moved[free] = x[free] + way
             return moved
 
-        def calc_rows(part: np.ndarray) -> np.ndarray:
-            rows = [self._calc_rows(put(part), s, None) for s in self.choose(trials)]
+        def calc_rows(way: np.ndarray) -> np.ndarray:
+            rows = [self._calc_rows(put(way), s, None) for s in self.choose(trials)]
             return np.vstack(rows)[:, free]
 
         found = least_squares(
-            lambda part: self.calc_residuals(put(part), trials), x[free], calc_rows, max_nfev=30
+            lambda way: self.calc_residuals(put(way), trials),
+            np.zeros(len(free)),  # the length of the start limits the first step, unless it is 0
+            calc_rows,
+            max_nfev=30,
         )
         return put(found.x).copy()
 
@@ -485,8 +534,9 @@ class Problem:
         for k in trials if self.sensors.shift is None else ():
             data, run = self.trials[k].data, self.get_run(x, k)
             if data is not None and not isinstance(run, str):
-                index = next(s.unknowns["shift"] for s in self.series if s.trial == k)
-                found = float(find_shift(run, data))
+                unknowns = {s.name: s.unknowns for s in self.choose([k])}
+                index = next(iter(unknowns.values()))["shift"]
+                found = float(find_shift(run, data, unknowns))
                 base = self._shifts.setdefault(
                     k, found
                 )  # so that the vector has entries of about 1

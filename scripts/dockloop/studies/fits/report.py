@@ -144,10 +144,10 @@ def _describe_trial(problem: Problem, found: Found, number: int) -> dict[str, An
     for i, (of, kind, channel) in enumerate(problem.labels, len(problem.parameters)):
         if of == number:
             unit = problem.units[i - len(problem.parameters)]
-            deviation = float(np.sqrt(found.estimate.covariance[i, i]) * unit)
+            deviation = np.sqrt(found.estimate.covariance[i, i]) * unit
             unknowns[f"{kind} of {channel}" if channel else kind] = {
                 "value": problem.to_unit(found.x, i),
-                "deviation": None if trial.is_held else deviation,
+                "deviation": float(deviation),
             }
     return {
         "file": shown(Path(trial.file)),

@@ -99,11 +99,13 @@ def find_fit(
     lost: DockloopError | None = None
     for group in (points[:1], points[1:]):
         try:
+            problem.lengthen()
             ranked = _rank(problem, group, counts)[:_BEST]
+            problem.cut([*ranked, *([best[0]] if best else [])], fitted)
             solved = [_solve(problem, start, loss, is_coarse=True) for start in ranked]
             x = min(solved, key=lambda x: _score(problem, x), default=None)
             if x is not None and (best is None or _score(problem, x) < _score(problem, best[0])):
-                best = _refine(problem, x, loss)
+                best = _finish(problem, x, loss)
         except UsageError as error:  # a shift at which too few samples are left
             lost = lost or error
         if best and not _is_doubtful(problem, *best):
@@ -116,6 +118,7 @@ def find_fit(
     noise = problem.weigh(x, fitted, is_robust=loss != "linear")
     if held:
         x = problem.shift(x, held)
+        problem.cut([x], held)
         for _ in range(2):  # weights depend on the shift
             problem.weigh(x, held, is_robust=loss != "linear", noise=noise)
             x = problem.polish(x, held)
@@ -161,6 +164,19 @@ def _score(problem: Problem, x: np.ndarray) -> tuple[int, float]:
     trials = problem.list_trials()
     others = sum(problem.compare_outcome(x, k).get("agrees") is False for k in trials)
     return others, float(np.sum(problem.calc_residuals(x) ** 2))
+
+
+def _finish(problem: Problem, x: np.ndarray, loss: str) -> tuple[np.ndarray, dict[str, float]]:
+    """Refine a vector; again with longer runs if its data left those that end with them."""
+    try:
+        found = _refine(problem, x, loss)
+        if not problem.is_short(found[0]):
+            return found
+    except UsageError:
+        if not problem.ends:
+            raise
+    problem.lengthen()
+    return _refine(problem, x, loss)
 
 
 def _refine(problem: Problem, x: np.ndarray, loss: str) -> tuple[np.ndarray, dict[str, float]]:
@@ -249,11 +265,13 @@ def _judge(problem: Problem, x: np.ndarray, loss: str, noise: dict[str, float]) 
     rows = problem.split(np.arange(len(residuals)), every)
     is_known = [series.noise is not None or series.name in noise for series in problem.series]
     weights = np.concatenate([
-        np.isfinite(series.sigma)
-        * (0.0 if problem.trials[series.trial].is_held else each["per_sample"] ** -0.5)
+        np.isfinite(series.sigma) * each["per_sample"] ** -0.5
         for series, each in zip(problem.series, judged, strict=True)
     ])  # fmt: skip
-    used = weights > 0.0
+    is_held = np.concatenate([
+        np.full(len(series.time), problem.trials[series.trial].is_held) for series in problem.series
+    ])  # fmt: skip
+    used = (weights > 0.0) & ~is_held
     missed = all(series.misses_impacts for series in problem.choose(problem.list_trials()))
     extents = np.concatenate([series.extent / series.sigma for series in problem.series])
     resolution = problem.accuracy / (2.0 * problem.step) * float(np.linalg.norm(extents[used]))
@@ -262,7 +280,7 @@ def _judge(problem: Problem, x: np.ndarray, loss: str, noise: dict[str, float]) 
     factor = find_factor(residuals[used], loss, free)
     # with missed impacts this is one of several valleys, of which derivatives say nothing
     made = estimate(
-        jacobian[used] * weights[used, None], own, factor, math.inf if missed else resolution
+        jacobian * weights[:, None], own, factor, math.inf if missed else resolution, is_held
     )
     spread = 1.0 + np.einsum("ij,jk,ik->i", jacobian, made.covariance, jacobian)
     bands = [

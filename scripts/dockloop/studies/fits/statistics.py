@@ -48,7 +48,13 @@ class Estimate:
     singular: np.ndarray
 
 
-def estimate(jacobian: np.ndarray, count: int, factor: float, resolution: float) -> Estimate:
+def estimate(
+    jacobian: np.ndarray,
+    count: int,
+    factor: float,
+    resolution: float,
+    is_held: np.ndarray | None = None,
+) -> Estimate:
     """Return the uncertainty of an estimate.
 
     Args:
@@ -56,12 +62,14 @@ def estimate(jacobian: np.ndarray, count: int, factor: float, resolution: float)
         count: number of parameters.
         factor: on the covariance.
         resolution: singular values below this are errors of the differences.
+        is_held: which samples say nothing on the parameters, but on all other unknowns of theirs.
     """
     own, others = jacobian[:, :count], jacobian[:, count:]
     used = np.any(others != 0.0, axis=0)
     others = others[:, used]
     passed = np.linalg.lstsq(others, own, rcond=None)[0] if used.any() else np.zeros((0, count))
     rest = own - others @ passed
+    rest = rest if is_held is None else rest[~is_held]
     _, singular, axes = np.linalg.svd(rest, full_matrices=len(rest) < count)
     singular = np.pad(singular, (0, count - len(singular)))
     is_known = singular > max(math.sqrt(factor) / GUESS, resolution)

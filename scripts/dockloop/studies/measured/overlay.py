@@ -5,10 +5,11 @@ variance or that of the run, the larger one. So a column in a wrong unit does no
 In the first search, samples outside of the run count as if the run had the mean of the
 column there, so that a small overlap does not win. The second search, near the first, counts only
 samples inside. No shift is a candidate, too: it wins if it is better in one search and no worse in
-the other. All other figures are those of the overlap.
+the other. An unknown offset or factor of a column is the best one for each shift. All other figures
+are those of the overlap.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping
 from operator import le, lt
 from pathlib import Path
 from typing import Any
@@ -95,8 +96,14 @@ def read_run(run: Result, name: str, time: np.ndarray) -> np.ndarray:
     return np.interp(time, run.time, run[name])
 
 
-def find_shift(run: Result, data: Data) -> float:
-    """Return the shift with the smallest sum of squares [s]."""
+def find_shift(run: Result, data: Data, unknowns: Mapping[str, Collection[str]] = {}) -> float:
+    """Return the shift with the smallest sum of squares [s].
+
+    Args:
+        run: what was recorded.
+        data: what was measured.
+        unknowns: what else is not known of columns: ``offset``, ``scale``.
+    """
     everywhere = np.ones(len(data.time), dtype=bool)
     every = {name: read_samples(data, name, everywhere, 0.0) for name in data.names}
     every = {n: (t, v) for n, (t, v) in every.items() if np.ptp(v) > 0.0 and not is_choice(n)}
@@ -107,7 +114,7 @@ def find_shift(run: Result, data: Data) -> float:
     first = run.time[0] - data.time[-1], run.time[-1] - data.time[0]
 
     def calc(shift: float, samples: _Samples, *, has_penalty: bool) -> float:
-        return _calc_cost(run, samples, scales, shift, has_penalty=has_penalty)
+        return _calc_cost(run, samples, scales, unknowns, shift, has_penalty=has_penalty)
 
     coarse = _search(lambda t: calc(t, some, has_penalty=True), *first)
     half = _NEAR * min(np.ptp(run.time), np.ptp(data.time))
@@ -128,7 +135,13 @@ def _thin(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def _calc_cost(
-    run: Result, samples: _Samples, scales: dict[str, float], shift: float, *, has_penalty: bool
+    run: Result,
+    samples: _Samples,
+    scales: dict[str, float],
+    unknowns: Mapping[str, Collection[str]],
+    shift: float,
+    *,
+    has_penalty: bool,
 ) -> float:
     """Return the sum over columns of mean squares over scales; inf if one has no overlap."""
     cost = 0.0
@@ -137,11 +150,22 @@ def _calc_cost(
         inside = (time >= run.time[0]) & (time <= run.time[-1])
         if not inside.any():
             return np.inf
-        error = read_run(run, name, time) - values
-        outside = values.mean() - values
-        error = np.where(inside, error, outside) if has_penalty else error[inside]
-        cost += float(np.mean(error**2)) / scales[name]
+        error = _meet(read_run(run, name, time[inside]), values[inside], unknowns.get(name, ()))
+        total = float(np.sum(error**2))
+        if has_penalty:
+            total += float(np.sum((values.mean() - values[~inside]) ** 2))
+        cost += total / (len(values) if has_penalty else len(error)) / scales[name]
     return cost
+
+
+def _meet(computed: np.ndarray, measured: np.ndarray, unknowns: Collection[str]) -> np.ndarray:
+    """Return differences at the best offset and the best factor, as far as they are not known."""
+    if "offset" in unknowns:
+        computed, measured = computed - computed.mean(), measured - measured.mean()
+    if "scale" in unknowns:
+        size = float(computed @ computed)
+        computed = computed * (max(float(computed @ measured), 0.0) / size if size else 1.0)
+    return computed - measured
 
 
 def _search(function: Callable[[float], float], low: float, high: float) -> float:
