@@ -460,10 +460,6 @@ void calc_rigid_acceleration(const VehicleBody& whole, const FrameMotion<S>& cha
   a = load.f / S(whole.mass) - alpha.cross(c) - chaser.w.cross(chaser.w.cross(c));
 }
 
-}  // namespace
-
-namespace {
-
 /// Load of the capture interface on bodies of the chaser, about the chaser's origin.
 template <class S>
 Wrench<S> find_captured_load(const Wrench<S>& on_passive, const DockingData<S>& data) {
@@ -839,10 +835,11 @@ void calc_vehicle_rates(const DockingModel& model, const ExternalLoads<S>& loads
     impulse += force;
     angular_impulse += moment;
     power += chaser_force.dot(chaser.v) + chaser_moment.dot(chaser.w);
-    if (const S* momentum = y + model.layout.momentum[kChaser]; model.record[kChaser] < 0) {
-      power += gravity.dot(Vec3<S>(momentum[0], momentum[1], momentum[2]));
-    } else {
+    if (model.record[kChaser] >= 0) {
       power += gravity.dot(find_momentum(model, kChaser, data).f);
+    } else {
+      const S* momentum = y + model.layout.momentum[kChaser];
+      power += gravity.dot(Vec3<S>(momentum[0], momentum[1], momentum[2]));
     }
   } else if (!(gravity.array() == S(0)).all()) {
     power += gravity.dot(mechanism.linear_momentum);  // weight of the mechanism
