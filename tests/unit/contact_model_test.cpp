@@ -240,20 +240,6 @@ TEST(ContactModel, PetalForcesAddUpToTheForceWhenNoNodeTouches) {
   EXPECT_GT(petals, 100);
 }
 
-/// Everything in a result as bytes, but the gap (with a list it may be a bound).
-bool equals_in_bits(const ContactResult<double>& a, const ContactResult<double>& b) {
-  const auto same = [](const V& x, const V& y) {
-    return std::memcmp(x.data(), y.data(), 3 * sizeof(double)) == 0;
-  };
-  for (int i = 0; i < kMaxSurfaces; ++i) {
-    if (!same(a.surface_force[i], b.surface_force[i])) return false;
-  }
-  return same(a.on_passive.f, b.on_passive.f) && same(a.on_passive.t, b.on_passive.t) &&
-         a.energy == b.energy && a.contact_power == b.contact_power &&
-         a.friction_power == b.friction_power && a.depth_ratio == b.depth_ratio &&
-         a.active_count == b.active_count;
-}
-
 TEST(ContactModel, SleepByPairChangesNoBit) {
   for (const int friction_model : {1, 2}) {
     ContactLaw law;

@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <cstring>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <random>
@@ -175,6 +176,20 @@ inline RelativeMotion<Derivative> make_directions(const RelativeMotion<double>& 
   motion.p = turn(motion.p);
   for (int j = 0; j < 3; ++j) motion.p[j] += S::variable(0.0, j);
   return motion;
+}
+
+/// Everything in a result as bytes, but the gap (with a list it may be a bound).
+inline bool equals_in_bits(const ContactResult<double>& a, const ContactResult<double>& b) {
+  const auto same = [](const Vec3<double>& x, const Vec3<double>& y) {
+    return std::memcmp(x.data(), y.data(), 3 * sizeof(double)) == 0;
+  };
+  for (int i = 0; i < kMaxSurfaces; ++i) {
+    if (!same(a.surface_force[i], b.surface_force[i])) return false;
+  }
+  return same(a.on_passive.f, b.on_passive.f) && same(a.on_passive.t, b.on_passive.t) &&
+         a.energy == b.energy && a.contact_power == b.contact_power &&
+         a.friction_power == b.friction_power && a.depth_ratio == b.depth_ratio &&
+         a.active_count == b.active_count;
 }
 
 }  // namespace dockloop

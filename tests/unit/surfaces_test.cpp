@@ -261,16 +261,6 @@ TEST(Surfaces, ForceIsTheGradientForEveryKindOfPair) {
   }
 }
 
-bool same_bits(const ContactResult<double>& a, const ContactResult<double>& b) {
-  const auto same = [](const V& x, const V& y) { return std::memcmp(&x, &y, sizeof x) == 0; };
-  for (int i = 0; i < kMaxSurfaces; ++i) {
-    if (!same(a.surface_force[i], b.surface_force[i])) return false;
-  }
-  return same(a.on_passive.f, b.on_passive.f) && same(a.on_passive.t, b.on_passive.t) &&
-         a.energy == b.energy && a.contact_power == b.contact_power &&
-         a.friction_power == b.friction_power && a.depth_ratio == b.depth_ratio;
-}
-
 TEST(Surfaces, NeighbourListChangesNoBit) {
   for (const ContactModel& model : {make_mixed_contact({}), make_probe_contact({})}) {
     const bool probe = model.active.size() == 2;
@@ -293,7 +283,7 @@ TEST(Surfaces, NeighbourListChangesNoBit) {
         if (!with.ok()) break;
         ContactWorkspace<double> other(model);
         ASSERT_TRUE(calc_contact<double>(model, {}, x, nullptr, nullptr, other, plain).ok());
-        ASSERT_TRUE(same_bits(listed, plain)) << "path " << path << ", place " << i;
+        ASSERT_TRUE(equals_in_bits(listed, plain)) << "path " << path << ", place " << i;
         const double gap = find_gap<double>(model, {}, x, other);
         ASSERT_LE(listed.gap, gap + 1e-15);
         closed += plain.active_count;
