@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <cstring>
+#include <cstring>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <random>
