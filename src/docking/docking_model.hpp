@@ -357,6 +357,11 @@ Wrench<S> find_body_momentum(const Mechanism& mechanism, int body, const TreeDat
 template <class S>
 Wrench<S> find_momentum(const DockingModel& model, int vehicle, const DockingData<S>& data);
 
+/// The same as states have it; as a sum, too, of a vehicle without states.
+template <class S>
+Wrench<S> get_momentum(const DockingModel& model, int vehicle, const S* y,
+                       const DockingData<S>& data);
+
 /// Momentum of everything but the driven vehicles, axes of O, angular part about the origin of O.
 /// @param mass, first_moment  of the same [kg], [kg m]. @pre calc_docking
 template <class S>

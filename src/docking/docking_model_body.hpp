@@ -478,10 +478,8 @@ void calc_record_loads(const DockingModel& model, DockingData<S>& data) {
     return find_inertial_load(body, motion.frame, Vec3<S>(motion.a - gravity), motion.alpha);
   };
   const auto find_needed = [&](const MechanismData<S>& tree, const Mat3<S>& R) {
-    Wrench<S> load;
-    load.f = R * tree.on_vehicle.template head<3>();
-    load.t = R * tree.on_vehicle.template tail<3>();
-    return load;
+    const Vec6<S>& load = tree.on_vehicle;
+    return R * Wrench<S>{load.template head<3>(), load.template tail<3>()};
   };
   if (model.record[kChaser] >= 0) {
     Wrench<S>& load = data.record_load[kChaser];
@@ -532,15 +530,13 @@ void calc_docking_reactions(const DockingModel& model, DockingData<S>& data) {
     return;
   }
   const FrameMotion<S>& chaser = data.vehicle[kChaser];
-  const auto find_captured = [&](const Wrench<S>& on_passive) {
-    return find_captured_load(on_passive, data);
-  };
   const int capture_body = model.mechanism.model.capture_body;
   Wrench<S> on_mechanism = data.on_passive;
   if (capture_body == vehicle) on_mechanism -= data.by_capture;
   Vec3<S> a = -data.base.gravity, alpha = Vec3<S>::Zero();
   if (vehicle != kBase) {
-    const Wrench<S> load = data.mechanism.tree.external[vehicle] + find_captured(data.on_passive);
+    const Wrench<S> load =
+        data.mechanism.tree.external[vehicle] + find_captured_load(data.on_passive, data);
     if (model.record[kChaser] >= 0) {
       a += data.recorded[kChaser].a;
       alpha = data.recorded[kChaser].alpha;
@@ -551,13 +547,13 @@ void calc_docking_reactions(const DockingModel& model, DockingData<S>& data) {
     data.mechanism.tree.alpha[vehicle] = alpha;
   }
   on_base = S(-1) * find_inertial_load(data.locked->mechanism, chaser, a, alpha);
-  on_base += find_captured(on_mechanism);
+  on_base += find_captured_load(on_mechanism, data);
   data.on_chaser = on_base;
   if (data.locked->parts.mass > 0.0) {
     on_base += find_inertial_load(data.locked->parts, chaser, a, alpha);
   }
   if (carrier != vehicle) {
-    if (capture_body == carrier) on_base -= find_captured(data.by_capture);
+    if (capture_body == carrier) on_base -= find_captured_load(data.by_capture, data);
     if (model.acts_across()) {
       const Vec3<S> arm = data.interface[kChaser].p - chaser.p;
       data.on_chaser.f -= data.on_target.f;
@@ -800,18 +796,28 @@ Status calc_docking(const DockingModel& model, const DiscreteState& discrete,
   return {};
 }
 
+namespace {
+
+/// Known loads of a vehicle and what keeps it on its record, about its origin, axes of O.
+template <class S>
+Wrench<S> find_known_load(const DockingModel& model, int i, const ExternalLoads<S>& loads,
+                          const DockingData<S>& data) {
+  Wrench<S> load{loads.force[i], data.vehicle[i].R * loads.torque[i]};
+  if (model.record[i] >= 0) load += data.record_load[i];
+  return load;
+}
+
+}  // namespace
+
 template <class S>
 void calc_vehicle_rates(const DockingModel& model, const ExternalLoads<S>& loads, const S* y,
                         S* ydot, DockingData<S>& data) {
   const MechanismData<S>& mechanism = data.mechanism;
   const Vec3<S> gravity = data.base.gravity;
   const FrameMotion<S>& chaser = data.vehicle[kChaser];
-  Vec3<S> chaser_force = loads.force[kChaser] + data.thrust;
-  Vec3<S> chaser_moment = chaser.R * loads.torque[kChaser];
-  if (model.record[kChaser] >= 0) {
-    chaser_force += data.record_load[kChaser].f;
-    chaser_moment += data.record_load[kChaser].t;
-  }
+  const Wrench<S> known_on_chaser = find_known_load(model, kChaser, loads, data);
+  const Vec3<S> chaser_force = known_on_chaser.f + data.thrust;
+  const Vec3<S> chaser_moment = known_on_chaser.t;
   // Vehicles: the forces between them act on both at the same point, so their rates cancel exactly.
   Vec3<S> impulse = Vec3<S>::Zero(), angular_impulse = Vec3<S>::Zero();
   S power = data.joints.command_power;
@@ -835,23 +841,15 @@ void calc_vehicle_rates(const DockingModel& model, const ExternalLoads<S>& loads
     impulse += force;
     angular_impulse += moment;
     power += chaser_force.dot(chaser.v) + chaser_moment.dot(chaser.w);
-    if (model.record[kChaser] >= 0) {
-      power += gravity.dot(find_momentum(model, kChaser, data).f);
-    } else {
-      const S* momentum = y + model.layout.momentum[kChaser];
-      power += gravity.dot(Vec3<S>(momentum[0], momentum[1], momentum[2]));
-    }
+    power += gravity.dot(get_momentum(model, kChaser, y, data).f);
   } else if (!(gravity.array() == S(0)).all()) {
     power += gravity.dot(mechanism.linear_momentum);  // weight of the mechanism
   }
   if (model.moves[kTarget]) {
     const FrameMotion<S>& target = data.vehicle[kTarget];
-    Vec3<S> force = loads.force[kTarget] + S(model.vehicle[kTarget].mass) * gravity;
-    Vec3<S> moment = target.R * loads.torque[kTarget];
-    if (model.record[kTarget] >= 0) {
-      force += data.record_load[kTarget].f;
-      moment += data.record_load[kTarget].t;
-    }
+    const Wrench<S> known = find_known_load(model, kTarget, loads, data);
+    Vec3<S> force = known.f + S(model.vehicle[kTarget].mass) * gravity;
+    const Vec3<S> moment = known.t;
     Vec3<S> moment_about_O = moment + target.p.cross(force);
     power += force.dot(target.v) + moment.dot(target.w);
     if (model.target) {
@@ -888,14 +886,12 @@ void calc_vehicle_rates(const DockingModel& model, const ExternalLoads<S>& loads
     if (model.layout.host_impulse[i] < 0) continue;
     const FrameMotion<S>& frame = data.vehicle[i];
     const Vec3<S> weight = S(model.of_host[i].mass) * gravity;
-    Vec3<S> force = loads.force[i] + weight, torque = frame.R * loads.torque[i];
-    if (model.record[i] >= 0) {
-      force += data.record_load[i].f;
-      torque += data.record_load[i].t;
-    }
+    const Wrench<S> known = find_known_load(model, i, loads, data);
+    const Vec3<S> force = known.f + weight;
     put<S>(ydot + model.layout.host_impulse[i], force);
-    put<S>(ydot + model.layout.host_impulse[i] + 3,
-           torque + frame.p.cross(force) + (frame.R * cast<S>(model.of_host[i].com)).cross(weight));
+    put<S>(
+        ydot + model.layout.host_impulse[i] + 3,
+        known.t + frame.p.cross(force) + (frame.R * cast<S>(model.of_host[i].com)).cross(weight));
   }
 }
 
@@ -970,6 +966,14 @@ Wrench<S> find_tree_momentum(const Mechanism& mechanism, const MechanismData<S>&
 }
 
 }  // namespace
+
+template <class S>
+Wrench<S> get_momentum(const DockingModel& model, int vehicle, const S* y,
+                       const DockingData<S>& data) {
+  if (model.layout.momentum[vehicle] < 0) return find_momentum(model, vehicle, data);
+  const S* x = y + model.layout.momentum[vehicle];
+  return {Vec3<S>(x[0], x[1], x[2]), Vec3<S>(x[3], x[4], x[5])};
+}
 
 template <class S>
 Wrench<S> find_momentum(const DockingModel& model, int vehicle, const DockingData<S>& data) {
@@ -1054,6 +1058,7 @@ Wrench<S> find_inside_momentum(const DockingModel& model, const DockingData<S>& 
   template S find_kinetic_energy<S>(const DockingModel&, const DockingData<S>&);                   \
   template Wrench<S> find_body_momentum<S>(const Mechanism&, int, const TreeData<S>&);             \
   template Wrench<S> find_momentum<S>(const DockingModel&, int, const DockingData<S>&);            \
+  template Wrench<S> get_momentum<S>(const DockingModel&, int, const S*, const DockingData<S>&);   \
   template Wrench<S> find_inside_momentum<S>(const DockingModel&, const DockingData<S>&, S&,       \
                                              Vec3<S>&);
 

@@ -79,13 +79,7 @@ void update_momentum_scales(const DockingModel& model, const DockingData<double>
                             const double* y, MomentumAudit& audit) {
   for (int i : {kChaser, kTarget}) {
     if (!model.present[i]) continue;
-    Wrench<double> momentum;
-    if (const int at = model.layout.momentum[i]; at >= 0) {
-      momentum = {Vec3<double>(y[at], y[at + 1], y[at + 2]),
-                  Vec3<double>(y[at + 3], y[at + 4], y[at + 5])};
-    } else {
-      momentum = find_momentum(model, i, data);
-    }
+    const Wrench<double> momentum = get_momentum(model, i, y, data);
     audit.scale = std::max({audit.scale, audit.start[i].f.norm(), momentum.f.norm()});
     audit.angular_scale =
         std::max({audit.angular_scale, audit.start[i].t.norm(), momentum.t.norm()});

@@ -187,6 +187,7 @@ HostFinding HostCoupling::judge(int i, const VehicleState& z) {
   step.h = h;
   step.mass = v.stated.mass;
   step.inertia = v.stated.inertia;
+  step.radius = find_gyration_radius(v.stated);
   step.R = quat_to_matrix<double>(v.received.q);
   step.arm = setup_->parameters.vehicle[i].interface_position;
   step.announces = announces();

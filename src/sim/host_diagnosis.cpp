@@ -599,11 +599,10 @@ HostFinding judge_loads(const LoadStep& step, double keep, ReportSums& sums) {
                [&](size_t i) { return turn(find_load(i).t); });
   std::rotate(sums.held.begin(), sums.held.end() - 1, sums.held.end());
   sums.held.front() = step.held;
-  const double radius = std::sqrt(step.inertia.trace() / (3.0 * step.mass));
   ModeStep mode;
-  mode.error << step.R.transpose() * step.error, radius * step.turn_error;
-  mode.offset << step.R.transpose() * step.offset, radius * step.turn_offset;
-  mode.change << step.R.transpose() * f, t / radius;
+  mode.error << step.R.transpose() * step.error, step.radius * step.turn_error;
+  mode.offset << step.R.transpose() * step.offset, step.radius * step.turn_offset;
+  mode.change << step.R.transpose() * f, t / step.radius;
   mode.change *= step.h / step.mass;
   mode.rounding = step.rounding;
   mode.h = step.h;

@@ -223,6 +223,7 @@ HostFinding judge_unchanged(const ReportPair& pair, double delay, ReportSums& su
 struct LoadStep {
   double h = 0.0, mass = 0.0;  ///< [s], stated [kg]
   Mat3<double> inertia;        ///< stated, about the centre of mass [kg m2]
+  double radius = 0.0;         ///< of gyration, stated [m]
   Mat3<double> R;              ///< body to N
   Vec3<double> arm;            ///< of the docking interface, body axes [m]
   bool announces = false;      ///< `next` are loads of coming steps

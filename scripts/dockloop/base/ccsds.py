@@ -41,13 +41,15 @@ _QUATERNIONS = {  # places of w, x, y, z in a row
     "FIRST": [f"attitude[{i}]" for i in (1, 2, 3, 4)],
     "LAST": [f"attitude[{i}]" for i in (2, 3, 4, 1)],
 }
+_HEAD = 4096  # bytes in which a message says what it is
 _BEGIN = re.compile(rb"(?:\xef\xbb\xbf)?\s*CCSDS_(OEM|AEM)_VERS")
 _DAY_OF_YEAR = re.compile(r"(\d{4})-(\d{3})(T.*)")
 
 
-def is_message(path: Path) -> bool:
-    """Return whether a file is a message. Raises UsageError: it cannot be read."""
-    return bool(_BEGIN.match(read_bytes(path, "table")))
+def find_kind(path: Path) -> str:
+    """Return ``OEM`` or ``AEM``; empty: the file is no message. Raises UsageError."""
+    begin = _BEGIN.match(read_bytes(path, "table", _HEAD))
+    return begin[1].decode() if begin else ""
 
 
 def read_message(path: Path) -> Table | None:
@@ -58,12 +60,10 @@ def read_message(path: Path) -> Table | None:
     Raises:
         UsageError: naming file, line or keyword, and what is expected.
     """
-    content, place = read_bytes(path, "table"), shown(path)
-    begin = _BEGIN.match(content)
-    if not begin:
+    kind, place = find_kind(path), shown(path)
+    if not kind:
         return None
-    kind = begin[1].decode()
-    found, rows = _split(content.decode("utf-8-sig", "replace"), place)
+    found, rows = _split(read_bytes(path, "table").decode("utf-8-sig", "replace"), place)
     frame = found.get("REF_FRAME", "")
     names, signs = _MOTION, np.ones(len(_MOTION))
     if kind == "AEM":

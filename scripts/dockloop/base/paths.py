@@ -98,10 +98,15 @@ def read_text(path: Path) -> str:
     return path.read_text(encoding="utf-8-sig")
 
 
-def read_bytes(path: Path, what: str) -> bytes:
-    """Read a file that the user names; `what` is what was looked for. Raises UsageError."""
+def read_bytes(path: Path, what: str, most: int = -1) -> bytes:
+    """Read a file that the user names, or its first bytes; `what` is what was looked for.
+
+    Raises:
+        UsageError: it is not there, or cannot be read.
+    """
     check_file(path, what)
     try:
-        return path.read_bytes()
+        with path.open("rb") as file:
+            return file.read(most)
     except OSError as error:
         raise UsageError(f"{shown(path)}: cannot be read ({find_reason(error)})") from None

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from dockloop.base.ccsds import is_message
+from dockloop.base.ccsds import find_kind
 from dockloop.base.errors import UsageError, warn_once
 from dockloop.base.histories import (
     Channel,
@@ -196,7 +196,7 @@ def read_inputs(entries: Sequence[dict], document: dict, source: Path) -> list[d
     for number, entry in enumerate(copy.deepcopy(entries), 1):
         place = f"{shown(source)}: input[{number}]"
         path, form, columns = _take_file(entry, source, place)
-        shorts = NAMES if is_message(path) else []
+        shorts = NAMES if find_kind(path) else []
         if "vehicle" in entry and not shorts:
             raise UsageError(
                 f"{place}: 'vehicle' is of CCSDS messages: columns of a table name their vehicle"
