@@ -217,3 +217,12 @@ def reference(cluster: "Cluster", tmp_path_factory: pytest.TempPathFactory) -> t
     folder = tmp_path_factory.mktemp("reference")
     path = write(folder, SHORT)
     return path, run_table(path, folder / "mine.parquet", scheduler=cluster.scheduler_address)
+
+
+@pytest.fixture(scope="module")
+def server():
+    """Serve the live page of a light scene."""
+    from live_pages import SMALL, serve
+
+    with serve(SMALL) as made:
+        yield made

@@ -11,6 +11,8 @@ from dockloop.live.server import LiveServer
 from dockloop.view import browser as chromium
 from dockloop.view.browser import Browser
 
+SMALL = "absorber_1d"
+LONG = {"experiment.stop": "900", "solver.method": "fixed_rk4", "solver.step": "1e-4"}
 REFINED = "document.getElementById('status').textContent.startsWith('as dockloop run')"
 
 
