@@ -11,7 +11,6 @@
 #include <algorithm>
 #include <cstdlib>
 #include <cstring>
-#include <cstring>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <random>
