@@ -95,7 +95,10 @@ Friction<S> calc_regularised_friction(const ContactLaw& law, const S& normal_for
 /// Elasto-plastic bristle (after Dupont, Hayward, Armstrong, Altpeter, IEEE TAC 47 (2002) 787,
 /// here in three dimensions and with a varying normal force): spring force F_z = k_t z_t with
 ///     z' = v_t - (alpha |v_t|/max(mu N, F0) + max(0, |F_z| - mu N)/(eta |F_z|)) F_z - rest,
-///     force = -(F_z + c_d v_t),  alpha = 0 below 0.9 mu N or when unloading, 1 above mu N.
+///     force = -(F_z + c_d v_t),
+/// alpha = 0 below 0.9 mu N or when unloading; above mu N the cosine of the angle between F_z and
+/// v_t, on a line 1. So the law stays continuous where the motion turns and the bristle begins to
+/// unload: at a jump of the damping force steps would chatter.
 /// z_t is the part of z in the tangent plane (unit normal n). As the normal turns, the part along n
 /// (the "rest") relaxes at the rate k_t/eta, which in the limit is parallel transport of z.
 /// Stored energy k_t |z|^2/2 with constant k_t: the power is a sum of squares for every N(t).
@@ -112,11 +115,12 @@ Friction<S> calc_bristle_friction(const ContactLaw& law, const S& normal_force, 
   const Vec3<S> f_z = (z - n * z_n) * k;
   const S f = f_z.norm(), speed = v_t.norm();
 
-  // Plastic share alpha: half-cosine between 0.9 and 1 of the limit.
+  // Plastic share alpha: half-cosine between 0.9 and 1 of the limit, times cos(F_z, v_t).
+  const S product = f_z.dot(v_t);
   S alpha = S(0);
-  if (f_z.dot(v_t) > S(0) && f > S(0.9) * limit) {
+  if (product > S(0) && f > S(0.9) * limit) {
     const S u = f < limit ? (f / limit - S(0.9)) / S(0.1) : S(1);
-    alpha = (S(1) - cos(S(EIGEN_PI) * u)) / S(2);
+    alpha = product / (f * speed) * (S(1) - cos(S(EIGEN_PI) * u)) / S(2);
   }
   S slip = alpha * speed / std::max<S>(limit, S(law.bristle_force_floor));
   if (f > limit) slip += (f - limit) / (eta * f);

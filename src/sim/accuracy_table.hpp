@@ -35,6 +35,10 @@ struct AccuracyTable {
   const AccuracyRow* row;
   size_t size;
   int dockings;  ///< that were measured
+
+  template <size_t n>
+  constexpr AccuracyTable(const std::array<AccuracyRow, n>& rows, int measured)
+      : row(rows.data()), size(n), dockings(measured) {}
 };
 
 constexpr std::array<AccuracyRow, 12> kRowsOfPassiveRings = {{
@@ -51,18 +55,23 @@ constexpr std::array<AccuracyRow, 12> kRowsOfPassiveRings = {{
     {1e-06, {kStabilised, kStabilised}, {6.3e-09, 2.2e-10, 2.8e-07}},
     {3e-07, {kStabilised, kStabilised}, {1.5e-09, 0, 0}},
 }};
-constexpr AccuracyTable kPassiveRings = {kRowsOfPassiveRings.data(), 12, 77};
+constexpr AccuracyTable kPassiveRings(kRowsOfPassiveRings, 77);
 
-constexpr std::array<AccuracyRow, 7> kRowsOfPassiveRingsWithBristles = {{
-    {0.1, {kStabilised, kStabilised}, {2.3e-05, 0, 0}},
-    {0.03, {kStabilised, kStabilised}, {8.4e-06, 0, 0}},
-    {0.01, {kStabilised, kStabilised}, {1.9e-06, 0, 0}},
-    {0.003, {kStabilised, kStabilised}, {5.6e-07, 0, 0}},
-    {0.001, {kStabilised, kStabilised}, {2.3e-07, 0, 0}},
-    {0.0003, {kStabilised, kStabilised}, {7.2e-08, 0, 0}},
-    {0.0001, {kStabilised, kStabilised}, {1e-08, 0, 0}},
+constexpr std::array<AccuracyRow, 12> kRowsOfPassiveRingsWithBristles = {{
+    {0.1, {kStabilised, kStabilised}, {1.8e-05, 0, 0}},
+    {0.03, {kStabilised, kStabilised}, {9.8e-06, 0, 0}},
+    {0.01, {kStabilised, kStabilised}, {2.7e-06, 0, 0}},
+    {0.003, {kStabilised, kStabilised}, {7.3e-07, 0, 0}},
+    {0.001, {kStabilised, kStabilised}, {2.7e-07, 0, 0}},
+    {0.0003, {kStabilised, kStabilised}, {8.9e-08, 0, 0}},
+    {0.0001, {kStabilised, kStabilised}, {3.3e-08, 0, 0}},
+    {3e-05, {kStabilised, kStabilised}, {1.1e-08, 0, 0}},
+    {1e-05, {kStabilised, kStabilised}, {2.5e-09, 0, 0}},
+    {3e-06, {kStabilised, kStabilised}, {5.8e-10, 0, 0}},
+    {1e-06, {kStabilised, kStabilised}, {1.9e-10, 0, 0}},
+    {3e-07, {kStabilised, kStabilised}, {4.3e-11, 0, 0}},
 }};
-constexpr AccuracyTable kPassiveRingsWithBristles = {kRowsOfPassiveRingsWithBristles.data(), 7, 28};
+constexpr AccuracyTable kPassiveRingsWithBristles(kRowsOfPassiveRingsWithBristles, 30);
 
 constexpr std::array<AccuracyRow, 12> kRowsOfOthers = {{
     {0.1, {kRosenbrock, kRosenbrock}, {0.00012, 0.00013, 0.0014}},
@@ -78,15 +87,17 @@ constexpr std::array<AccuracyRow, 12> kRowsOfOthers = {{
     {1e-06, {kStabilised, kStabilised}, {8.6e-11, 0, 0}},
     {3.7e-07, {kStabilised, kStabilised}, {1.1e-11, 0, 0}},
 }};
-constexpr AccuracyTable kOthers = {kRowsOfOthers.data(), 12, 119};
+constexpr AccuracyTable kOthers(kRowsOfOthers, 119);
 
-constexpr std::array<AccuracyRow, 5> kRowsOfOthersWithBristles = {{
-    {0.1, {kStabilised, kStabilised}, {5.4e-06, 0, 0}},
-    {0.03, {kStabilised, kStabilised}, {1.3e-06, 0, 0}},
-    {0.01, {kStabilised, kStabilised}, {9e-08, 0, 0}},
+constexpr std::array<AccuracyRow, 7> kRowsOfOthersWithBristles = {{
+    {0.1, {kStabilised, kStabilised}, {7e-06, 0, 0}},
+    {0.03, {kStabilised, kStabilised}, {9.2e-07, 0, 0}},
+    {0.01, {kStabilised, kStabilised}, {8.6e-08, 0, 0}},
     {0.003, {kStabilised, kStabilised}, {2.4e-08, 0, 0}},
-    {0.0014, {kStabilised, kStabilised}, {1e-08, 0, 0}},
+    {0.001, {kStabilised, kStabilised}, {6.8e-09, 0, 0}},
+    {0.0003, {kStabilised, kStabilised}, {1.5e-09, 0, 0}},
+    {0.00023, {kStabilised, kStabilised}, {1e-09, 0, 0}},
 }};
-constexpr AccuracyTable kOthersWithBristles = {kRowsOfOthersWithBristles.data(), 5, 59};
+constexpr AccuracyTable kOthersWithBristles(kRowsOfOthersWithBristles, 59);
 
 }  // namespace dockloop

@@ -219,5 +219,24 @@ TEST(ContactLaws, BristleDissipatesForEveryStateAndNormalForce) {
   EXPECT_WORST_BELOW(balance, 1.3e-13);  // measured 1.3e-14
 }
 
+TEST(ContactLaws, BristleIsContinuousWhereItBeginsToUnload) {
+  TestRandom random(6);
+  ContactLaw law;
+  law.friction_model = 2;
+  const double normal = 500.0, limit = law.friction_coefficient * normal;
+  const Vec3<double> n = Vec3<double>::UnitZ();
+  for (int i = 0; i < 200; ++i) {
+    const double deflection = random.uniform(0.9, 1.3) * limit / law.bristle_stiffness;
+    const Vec3<double> z(deflection, 0, 0);
+    const double speed = random.uniform(1e-3, 0.3);
+    const auto find = [&](double along) {
+      return calc_bristle_friction<double>(law, normal, Vec3<double>(along, speed, 0), n, z);
+    };
+    const Friction<double> loading = find(1e-12), unloading = find(-1e-12);
+    EXPECT_LT((loading.force - unloading.force).norm(), 1e-8);
+    EXPECT_LT((loading.bristle_rate - unloading.bristle_rate).norm(), 1e-11);
+  }
+}
+
 }  // namespace
 }  // namespace dockloop
