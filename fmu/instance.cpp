@@ -71,11 +71,27 @@ void Instance::load_kernel(const std::string& resources) {
   std::error_code none;
   if (!std::filesystem::exists(std::filesystem::u8path(file), none)) return;
   try {
-    sim.use_kernels(std::make_shared<const KernelLibrary>(file));
+    kernels = std::make_shared<const KernelLibrary>(file);
+    sim.use_kernels(kernels);
   } catch (const std::exception& e) {
     logger.write(fmi2Warning, kLogWarning,
                  std::string(e.what()) + "; the kernel is not used (same results, slower)");
   }
+}
+
+/// @post there is a companion, or none
+void Instance::make_companion(bool wanted) {
+  if (!wanted || sim.fmi_kind() == FmiKind::kModelExchange) {
+    companion.reset();
+  } else if (!companion) {
+    companion = std::make_unique<Companion>(sim, get_fmu_comparison(), kernels);
+    companion->use_interruption(interruption);
+  }
+}
+
+void Instance::use_interruption(std::function<bool()> asks) {
+  interruption = std::move(asks);
+  sim.use_interruption(interruption);
 }
 
 void Instance::setup(double t0, double wanted_tolerance, double stop) {
@@ -86,7 +102,10 @@ void Instance::setup(double t0, double wanted_tolerance, double stop) {
 
 void Instance::initialise() {
   if (initialised) return;
+  sim.state_error(std::nullopt);
   sim.initialise(start_time, tolerance);
+  make_companion(sim.parameters().measures_error);
+  if (companion) companion->start(sim, start_time, tolerance);
   initialised = true;
   std::vector<std::string> warnings = sim.take_warnings();
   if (warnings != last_warnings) {
@@ -101,6 +120,8 @@ void Instance::initialise() {
 void Instance::log_left_out() {
   const std::string text = logger.enabled(kLogChoices) ? sim.left_out_text() : std::string();
   if (!text.empty()) logger.write(fmi2OK, kLogChoices, text);
+  const std::string error = companion ? companion->describe(sim) : std::string();
+  if (!error.empty()) logger.write(fmi2Warning, kLogWarning, error);
 }
 
 void Instance::log_events() {
@@ -133,6 +154,7 @@ fmi2Status Instance::step(double t, double h) {
   }
   state = kError;  // remains after an exception
   step_status = fmi2Error;
+  if (companion) companion->take_inputs(sim);
   step_status = fmi_status(sim.step(t, h).code);
   if (step_status != fmi2OK) {
     const bool can_repeat = step_status == fmi2Discard;
@@ -140,6 +162,7 @@ fmi2Status Instance::step(double t, double h) {
     logger.write(step_status, can_repeat ? kLogDiscard : kLogError, sim.status_text());
     return step_status;
   }
+  if (companion) companion->follow(sim, t, h);
   state = kStepComplete;
   time = t + h;
   log_events();
@@ -158,6 +181,8 @@ void Instance::log_refused() noexcept {
 }
 
 void Instance::reset() {
+  companion.reset();
+  sim.state_error(std::nullopt);
   sim.reset();
   variables = make_variables(sim);
   setup(sim.scene().experiment.start, 0.0, kNoStop);
@@ -205,7 +230,10 @@ void Instance::note_change(bool tunables) {
     initialised = false;
     return;
   }
-  if (tunables) sim.adopt_tunables();
+  if (tunables) {
+    sim.adopt_tunables();
+    if (companion) companion->take_tunables(sim);
+  }
   sim.invalidate_outputs();
 }
 
@@ -224,6 +252,8 @@ void Instance::save(SavedInstance& into) const {
   into.step_status = step_status;
   into.phase = phase;
   sim.save(into.sim);
+  into.companion.resize(companion ? 1 : 0);
+  if (companion) companion->save(into.companion[0]);
   if (!initialised) into.sim.setup.reset();  // the set-up does not fit the present parameters
 }
 
@@ -237,7 +267,19 @@ void Instance::load(const SavedInstance& from) {
         "the state belongs to the other FMI kind (co-simulation or model "
         "exchange)");
   }
+  const bool had_companion = companion != nullptr, wanted = !from.companion.empty();
+  SavedSim before;
+  if (wanted) sim.save(before);
   sim.load(from.sim);
+  try {
+    make_companion(wanted);
+    if (wanted) companion->load(from.companion[0], sim);
+  } catch (...) {
+    if (!had_companion) companion.reset();
+    sim.load(before);
+    throw;
+  }
+  if (!wanted) sim.state_error(std::nullopt);
   state = from.state;
   initialised = from.initialised;
   start_time = from.start_time;
@@ -337,7 +379,8 @@ void deserialise(const char* bytes, size_t size, const std::string& guid, SavedI
   transfer(reader, into);
   const bool is_state =
       std::find(std::begin(kStates), std::end(kStates), into.state) != std::end(kStates);
-  if (reader.left() != 0 || !is_state) throw Refusal("the saved state is damaged");
+  if (reader.left() != 0 || !is_state || into.companion.size() > 1)
+    throw Refusal("the saved state is damaged");
 }
 
 }  // namespace dockloop

@@ -7,6 +7,7 @@
 #include <fmi2Functions.h>
 
 #include <atomic>
+#include <functional>
 #include <limits>
 #include <memory>
 #include <stdexcept>
@@ -17,6 +18,7 @@
 #include "call_order.hpp"
 #include "interface/variables.hpp"
 #include "logger.hpp"
+#include "sim/companion.hpp"
 #include "sim/docking_sim.hpp"
 #include "sim/sim_state.hpp"
 
@@ -46,6 +48,7 @@ struct SavedInstance {
   double stop_time = 0.0;
   int step_status = fmi2OK, phase = 0;
   SavedSim sim;
+  std::vector<SavedCompanion> companion;  ///< one or none
 };
 
 struct Instance {
@@ -74,12 +77,17 @@ struct Instance {
   /// Throws, and changes nothing, if the state belongs to another FMU.
   void load(const SavedInstance& from);
 
-  /// Log what accuracy has left out until now.
+  /// Log what accuracy has left out until now, and a measured error that is too large.
   void log_left_out();
   /// Log the warnings since the last call, and a change of phase (category logEvents).
   void log_events();
   /// Log the call that was refused because another one ran, if there was one.
   void log_refused() noexcept;
+
+  /// See DockingSim::use_interruption(). Before initialise()
+  void use_interruption(std::function<bool()> asks);
+
+  void make_companion(bool wanted);
 
   bool before_start() const { return (state & kBeforeStart) != 0; }
   Side side() const {
@@ -88,8 +96,11 @@ struct Instance {
 
   Logger logger;
   DockingSim sim;
+  std::unique_ptr<Companion> companion;  ///< measures the error; made by initialise()
   std::vector<Variable> variables;
   const std::string guid;
+  std::shared_ptr<const KernelLibrary> kernels;  ///< in the FMU; may be null
+  std::function<bool()> interruption;
   State state = kInstantiated;
   bool initialised = false;                ///< the start state fits the present parameters
   double start_time = 0.0;                 ///< [s]

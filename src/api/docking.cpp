@@ -93,7 +93,7 @@ struct Docking::Impl {
         instance(make_scene(text, source, place, touches), FmiKind::kCoSimulation,
                  Logger(callbacks, "docking", false)) {
     instance.state = kInitializationMode;
-    instance.sim.use_interruption([this, asked = Clock::now()]() mutable {
+    instance.use_interruption([this, asked = Clock::now()]() mutable {
       constexpr double kBetween = 0.1;  // s
       if (!interruption || seconds_since(asked) < kBetween) return false;
       asked = Clock::now();

@@ -298,6 +298,9 @@ void add_solver_parameters(Table& table, Parameters& parameter, bool has_compari
                  "Absolute tolerance of dissipated energies and external work")
       .not_negative()
       .nominal(1e-8);
+  table.parameter("solver.measure_error", &parameter.measures_error, kNone,
+                  "Measure solver.error_estimate: a companion with smaller tolerances "
+                  "makes the same steps, at two to five times the cost; co-simulation only");
 }
 
 void add_solver_outputs(Table& table, Outputs& out, bool has_comparison) {
@@ -321,10 +324,11 @@ void add_solver_outputs(Table& table, Outputs& out, bool has_comparison) {
       .not_negative()
       .discrete();
   table
-      .output("solver.error_estimate", &out.solver_error_estimate, kNone,
-              "With accuracy: relative error that 95 % of the measured dockings stayed below with "
-              "the method and tolerances in use (a statistical value, not measured in this run); 0 "
-              "= no value")
+      .output(
+          "solver.error_estimate", &out.solver_error_estimate, kNone,
+          "With accuracy: relative error that 95 % of the measured dockings stayed below with "
+          "the method and tolerances in use (a statistical value); with solver.measure_error: of "
+          "this run until now; 0 = no value")
       .limits(0, 1)
       .nominal(1e-3)
       .discrete();

@@ -22,6 +22,10 @@ Inputs& DockingSim::input_slopes() { return impl_->slopes; }
 const std::string& DockingSim::status_text() const { return impl_->status_text; }
 Outputs& DockingSim::output_storage() { return impl_->outputs; }
 void DockingSim::invalidate_outputs() { impl_->invalidate(); }
+void DockingSim::state_error(std::optional<double> relative) {
+  impl_->measured_error = relative;
+  impl_->valid[static_cast<size_t>(OutputGroup::kMain)] = false;
+}
 void DockingSim::initialise(double t0, double tolerance) { impl_->initialise(t0, tolerance); }
 Status DockingSim::step(double t, double h) { return impl_->step(t, h); }
 void DockingSim::reset() { impl_->clear(); }

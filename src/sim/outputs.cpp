@@ -84,7 +84,7 @@ Status DockingSim::Impl::update_main() {
                                      : step_loop->method().facts->method;
   outputs.solver_chosen_rtol = step_loop->method().is_fixed_step() ? 0.0 : step_loop->method().rtol;
   outputs.solver_chosen_step = step_loop->method().is_fixed_step() ? inner_step : 0.0;
-  outputs.solver_error_estimate = chosen.error_estimate;
+  outputs.solver_error_estimate = measured_error.value_or(chosen.error_estimate);
   return {};
 }
 

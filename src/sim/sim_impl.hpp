@@ -265,8 +265,9 @@ struct DockingSim::Impl : SimState {
 
   // set by start(); the model is replaced for other tunable parameters or coordinates. Only bodies
   // of driven vehicles change in place (use_host_bodies).
-  std::shared_ptr<const Setup> setup;  ///< null before start()
-  SolverChoice chosen;                 ///< of the setup
+  std::shared_ptr<const Setup> setup;    ///< null before start()
+  SolverChoice chosen;                   ///< of the setup
+  std::optional<double> measured_error;  ///< [-] of a companion (sim/companion.hpp)
   std::shared_ptr<DockingModel> model;
   std::unique_ptr<Equations> equations;          ///< null: those of the core
   std::unique_ptr<Mechanism> start_mechanism;    ///< in the coordinates of the start

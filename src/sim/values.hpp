@@ -68,6 +68,7 @@ struct Parameters {
   double atol_position = 0.0;                 ///< [m], also for attitude [-]
   double atol_velocity = 0.0;                 ///< [m/s], also for angular velocity [rad/s]
   double atol_energy = 0.0;                   ///< [J] of dissipated energies and external work
+  bool measures_error = false;                ///< by a companion, see sim/companion.hpp
   int coupling_mode = 1;                      ///< see CouplingMode
   double coupling_expected_step = 0.0;        ///< [s] of the first announced load
   double coupling_velocity_tolerance = 1e-4;  ///< [m/s] for the suggested step
@@ -312,7 +313,7 @@ struct PointOutputs {
   int solver_chosen_method = kAuto;        ///< see SolverMethod
   double solver_chosen_rtol = 0.0;         ///< [-] 0 with fixed steps
   double solver_chosen_step = 0.0;         ///< [s] 0 without fixed steps
-  double solver_error_estimate = 0.0;      ///< [-] 0 = none
+  double solver_error_estimate = 0.0;      ///< [-] 0 = none; measured with a companion
 };
 
 /// All outputs at a communication point (and after initialise()).
