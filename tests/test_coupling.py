@@ -20,6 +20,7 @@ Numbers are those of the tests of the coupling scheme:
 11. A host that obeys the suggested step meets the target. The frequency of the interface is right.
 12. Quaternions of either sign are one attitude; off norm by 1e-7 silent, by 1e-4 with a warning, by
     1e-2 refused without effect. Steps that vary may be announced.
+13. A companion that measures the error follows the host's motion, changes no bit, warns of nothing.
 """
 
 import functools
@@ -628,3 +629,23 @@ def test_steps_that_vary_cost_nothing_where_they_are_announced(runs, scheme):
     assert errors.velocity < 1e-5, errors
     assert errors.peak < 1e-4, errors
     assert course.audit < 1e-9, course.audit
+
+
+# ---------------------------------------------------------------- 13: measured error
+
+
+@pytest.mark.parametrize("scheme", MODES)
+def test_a_companion_follows_the_vehicle_of_a_host(runs, scheme):
+    ends = []
+    for measures in (False, True):
+        settings = {"accuracy": 1e-3, "solver.measure_error": measures}
+        fmu = SCENES["default"].build(runs)
+        with Coupling(fmu, scheme, settings=settings, first_step=STEP) as pair:
+            for size in equal_steps(STEP, STOP["default"]):
+                pair.step(size)
+            names = ("relative.axial", "capture.peak.compression", "solver.error_estimate")
+            *end, error = (pair.host.value(name) for name in names)
+            assert not pair.warnings, pair.warnings
+        ends.append(end)
+    assert ends[0] == ends[1]
+    assert 1e-6 < error < 1e-3
