@@ -255,10 +255,11 @@ class Problem:
                 self.ends[k] = end
                 self._slopes.pop(k, None)
 
-    def lengthen(self) -> None:
-        """Let runs go on to their stop."""
-        self.ends.clear()
-        self._slopes.clear()
+    def lengthen(self, ends: Mapping[int, float] = {}) -> None:
+        """Let runs go on to their stop, or those of some tests to given ends."""
+        if self.ends != ends:
+            self.ends = dict(ends)
+            self._slopes.clear()
 
     def is_short(self, x: np.ndarray) -> bool:
         """Return whether data go on behind the end of a run that was cut."""

@@ -3,6 +3,7 @@
 The first start is the scene. If what it leads to does not meet the measurements, other starts
 follow, of a Sobol sequence, since contact makes valleys. Those whose outcomes are the measured ones
 come first. The best two go some steps; the better one goes on if it beats what was found before.
+If one ends in the valley that is known, that is it: the model is wrong rather than the search.
 These steps are for means over time: short impacts that do not overlap with those of the data would
 make valleys, their impulses do not.
 Standard deviations of channels that are not stated follow from the residuals, round by round. A
@@ -17,7 +18,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, lsq_linear
 from scipy.stats import qmc
 
 from dockloop.base.errors import DockloopError, UsageError
@@ -33,7 +34,8 @@ from dockloop.studies.fits.statistics import (
 _BEST = 2  # starts that go on
 _COARSE, _FINE = (0.1, 12), (0.0, 10)  # part of the sum of squares, evaluations that end a search
 _MEANS = 0.01  # of the time of a test: standard deviation of what a coarse search averages over
-_CHANGE = 0.01  # of half the sum of squares that ends a search: a tenth of a deviation
+_CHANGE = 0.01  # of half the sum of squares that ends a search: a seventh of a deviation
+_VALLEY = 0.05  # of the ranges: coarse searches that end so close have found the same valley
 _STEP = 1e-5  # of the vector that ends a search
 _HOLD = 1e-3  # residual of a change by all of a range: 1e-6 in the sum of squares
 _ROUNDS = 6  # of estimates of noise, and of derivatives both ways
@@ -95,6 +97,7 @@ def find_fit(
     points = _list_starts(problem, own, starts, seed)
     counts: Counter[str] = Counter()
     best: tuple[np.ndarray, dict[str, float]] | None = None
+    valley, ends = np.zeros(0), dict[int, float]()  # of the best
     report("search")
     lost: DockloopError | None = None
     for group in (points[:1], points[1:]):
@@ -102,10 +105,10 @@ def find_fit(
             problem.lengthen()
             ranked = _rank(problem, group, counts)[:_BEST]
             problem.cut([*ranked, *([best[0]] if best else [])], fitted)
-            solved = [_solve(problem, start, loss, is_coarse=True) for start in ranked]
-            x = min(solved, key=lambda x: _score(problem, x), default=None)
-            if x is not None and (best is None or _score(problem, x) < _score(problem, best[0])):
+            x = _descend(problem, ranked, loss, best and (best[0], valley))
+            if x is not None:
                 best = _finish(problem, x, loss)
+                valley, ends = x, dict(problem.ends)
         except UsageError as error:  # a shift at which too few samples are left
             lost = lost or error
         if best and not _is_doubtful(problem, *best):
@@ -114,6 +117,7 @@ def find_fit(
         raise lost or DockloopError(
             f"no start can be run, for example: {problem.list_reasons()[0]}"
         )
+    problem.lengthen(ends)
     x = best[0]
     noise = problem.weigh(x, fitted, is_robust=loss != "linear")
     if held:
@@ -159,6 +163,36 @@ def _rank(problem: Problem, points: list[np.ndarray], counts: Counter[str]) -> l
     return ranked
 
 
+def _descend(
+    problem: Problem,
+    starts: list[np.ndarray],
+    loss: str,
+    known: tuple[np.ndarray, np.ndarray] | None,
+) -> np.ndarray | None:
+    """Return where the best coarse search ends; None: nowhere better than what is known.
+
+    One that ends where the known one did ends all: another start found nothing else.
+
+    Args:
+        problem: what is minimised, with the weights of coarse searches.
+        starts: vectors, best first.
+        loss: of residuals.
+        known: what was found before, and where the coarse search ended that led there.
+    """
+    count, ends = len(problem.parameters), list[np.ndarray]()
+    least = _score(problem, known[0]) if known else (len(problem.trials) + 1, 0.0)
+    for start in starts:
+        ends.append(_solve(problem, start, loss, is_coarse=True))
+        if (
+            known
+            and np.max(np.abs(ends[-1] - known[1])[:count]) < _VALLEY
+            and _score(problem, ends[-1])[0] >= least[0]
+        ):
+            return None
+    x = min(ends, key=lambda x: _score(problem, x), default=None)
+    return None if x is None or _score(problem, x) >= least else x
+
+
 def _score(problem: Problem, x: np.ndarray) -> tuple[int, float]:
     """Return how many outcomes are not the measured ones, and the sum of squares."""
     trials = problem.list_trials()
@@ -185,15 +219,34 @@ def _refine(problem: Problem, x: np.ndarray, loss: str) -> tuple[np.ndarray, dic
     for _ in range(_ROUNDS):
         old, noise = noise, problem.weigh(x, trials, is_robust=loss != "linear")
         if old:
-            jacobian = problem.calc_jacobian(x, is_central=True)
-            gain = jacobian @ np.linalg.lstsq(jacobian, problem.calc_residuals(x), rcond=None)[0]
+            change = _foresee_change(problem, x, noise)
             is_settled = all(abs(noise[name] / old[name] - 1.0) < _SAME for name in noise)
-            if is_settled and float(gain @ gain) < 2.0 * _CHANGE:
+            if is_settled and change < _CHANGE:
                 break
         last, x = x, _solve(problem, x, loss)
         if old and np.array_equal(last, x):
             break
     return x, noise
+
+
+def _foresee_change(problem: Problem, x: np.ndarray, noise: dict[str, float]) -> float:
+    """Return half the square of the way to the minimum, over deviations, to first order.
+
+    Without a wrong model it is by how much half the sum of squares falls. Residuals of a wrong one
+    are alike, so its deviations are larger.
+    """
+    jacobian, residuals = problem.calc_jacobian(x, is_central=True), problem.calc_residuals(x)
+    low, high = _list_bounds(problem)
+    change = jacobian @ lsq_linear(jacobian, -residuals, (low - x, high - x)).x
+    parts = problem.split(change, problem.list_trials())
+    pairs = zip(parts, _judge_series(problem, x, noise), strict=True)
+    return sum(0.5 * float(part @ part) / judged["per_sample"] for part, (judged, _) in pairs)
+
+
+def _list_bounds(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
+    low, high = np.full(problem.size, -np.inf), np.full(problem.size, np.inf)
+    low[: len(problem.parameters)], high[: len(problem.parameters)] = 0.0, 1.0
+    return low, high
 
 
 def _is_doubtful(problem: Problem, x: np.ndarray, noise: dict[str, float]) -> bool:
@@ -213,8 +266,6 @@ def _solve(problem: Problem, x: np.ndarray, loss: str, *, is_coarse: bool = Fals
     What has no effect stays where it is: without the last rows, steps would be those of no rank.
     """
     hold = _HOLD * np.eye(problem.size)
-    low, high = np.full(problem.size, -np.inf), np.full(problem.size, np.inf)
-    low[: len(problem.parameters)], high[: len(problem.parameters)] = 0.0, 1.0
     counted = sum(np.isfinite(s.sigma).sum() for s in problem.choose(problem.list_trials()))
     end, most = _COARSE if is_coarse else _FINE
 
@@ -225,7 +276,7 @@ def _solve(problem: Problem, x: np.ndarray, loss: str, *, is_coarse: bool = Fals
         lambda at: np.append(smooth(problem.calc_residuals(at)), hold @ (at - x)),
         x,
         lambda at: np.vstack([smooth(problem.calc_jacobian(at)), hold]),
-        (low, high),
+        _list_bounds(problem),
         loss=loss,
         ftol=max(end, 2.0 * _CHANGE / counted),
         xtol=_STEP,
