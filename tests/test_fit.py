@@ -436,6 +436,66 @@ def test_a_channel_that_only_a_held_back_test_has_is_not_judged_without_noise(tm
 # ------------------------------------------------------------------------------- 5. plans
 
 
+def test_a_plan_expects_the_deviations_of_the_closed_form():
+    """Samples next to the jump of the force at the contact do not count."""
+    time = np.arange(0.0, 4.5, 0.0137)
+    inside = np.abs(time - APPROACH) > 0.02
+
+    def see(stiffness, damping, shift):
+        seen = move(time + shift, stiffness=stiffness, damping=damping)
+        return np.concatenate([x[inside] / s for x, s in zip(seen, SIGMA.values(), strict=True)])
+
+    tests = [{"name": "rig", "noise": SIGMA}]
+    planned = dl.plan_fit("absorber_1d", tests, RANGES, overrides=LATER, stop=4.5, step=0.0137)
+    own = np.array([*planned["scene_values"].values(), 0.0])
+    ways = np.diag([1.0, 1.0, 1e-4])
+    slopes = np.transpose([(see(*(own + w)) - see(*(own - w))) / (2.0 * w.sum()) for w in ways])
+    wanted = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))[:2]
+    found = list(planned["by_test"]["rig"]["deviations"].values())
+    assert found == pytest.approx(wanted, rel=0.01)
+
+
+def test_a_plan_says_what_tests_determine_only_together():
+    """As a fit of their data would: motions alone are the same with all masses and laws doubled."""
+    vary = {**RANGES, "chaser.mass": (15e3, 40e3)}
+    motion = {"relative.axial": SIGMA["relative.axial"]}
+    tests = [{"name": "motion", "noise": motion}, {"name": "load", "noise": SIGMA}]
+    planned = dl.plan_fit("absorber_1d", tests, vary, overrides=LATER)
+    alone = planned["by_test"]["motion"]
+    assert set(alone["deviations"].values()) == {None}
+    assert {name for row in alone["not_identified"] for name in row["parameters"]} == set(vary)
+    assert not planned["not_identified"]
+    assert planned["order"][0]["test"] == "load"
+    assert set(planned["best"].values()) == {"load"}
+    text = write_text(report_fit(planned))
+    assert "not identified, by motion alone" in text
+    assert "only together" in text
+
+
+def test_a_plan_knows_what_tests_and_sensors_do_not_know():
+    """A factor of the load cell hides all masses; a speed of its own belongs to one test."""
+    tests = [
+        {"name": "a", "noise": SIGMA, "outcome": "captured"},
+        {"name": "b", "noise": SIGMA, "held_back": True},
+    ]
+    planned = dl.plan_fit(
+        "absorber_1d", tests, {"chaser.mass": (15e3, 40e3), **RANGES}, overrides=LATER,
+        vary_each={SPEED: (0.05, 0.2)}, scales="capture.compression",
+    )  # fmt: skip
+    assert planned["by_test"]["a"]["deviations"][f"{SPEED} @ b"] is None
+    assert planned["best"] == {f"{SPEED} @ {name}": name for name in "ab"}
+    together = {name for row in planned["not_identified"] for name in row["parameters"]}
+    assert together == {"chaser.mass", *RANGES}
+    assert "outcome of 'a': measured captured" in write_text(report_fit(planned))
+
+
+def test_a_plan_of_a_load_between_samples_says_so():
+    tests = [{"name": "load", "noise": {"capture.compression": 20.0}}]
+    planned = dl.plan_fit("idss_25t_350t", tests, DOCKING, stop=4, step=0.02)
+    assert set(planned["by_test"]["load"]["deviations"].values()) == {None}
+    assert "between two samples" in planned["hidden"][0]
+
+
 def test_a_plan_names_no_best_test_of_what_none_determines():
     vary = {K: RANGES[K], "chaser.inertia[2]": (1e5, 2e5)}
     planned = dl.plan_fit("absorber_1d", {"name": "a", "noise": SIGMA}, vary, overrides=LATER)

@@ -167,9 +167,7 @@ def fit(
         {"vary": vary, "vary_each": vary_each},
         experiment=make_experiment(stop, step), accuracy=accuracy,
         columns=_as_names(columns), form=csv, noise=noise or {},
-        sensors=Sensors(
-            filters or {}, _as_names(offsets), _as_names(scales), shift, rate_limits or {}
-        ),
+        sensors=_make_sensors(filters, offsets, scales, shift, rate_limits),
         loss=loss, starts=starts, seed=seed,
     )  # fmt: skip
     with scratch() as folder:
@@ -184,11 +182,16 @@ def plan_fit(
     tests: Any,
     vary: Mapping[str, tuple[float, float]],
     *,
+    vary_each: Mapping[str, tuple[float, float]] | None = None,
     overrides: Mapping[str, Any] | None = None,
     start_values: Mapping[str, Any] | None = None,
     stop: float | None = None,
     step: float | None = None,
     noise: Mapping[str, float] | None = None,
+    filters: Mapping[str, float] | None = None,
+    rate_limits: Mapping[str, float] | None = None,
+    offsets: str | Sequence[str] = (),
+    scales: str | Sequence[str] = (),
     shift: float | None = None,
     accuracy: float | None = None,
     workers: int | None = None,
@@ -199,11 +202,16 @@ def plan_fit(
         scene: as for `fit`.
         tests: path of a TOML list of tests, or the members of tests, with ``set`` and ``noise``.
         vary: as for `fit`; derivatives are those at the values of the scene.
+        vary_each: as for `fit`.
         overrides: as for `fit`.
         start_values: as for `fit`.
         stop: as for `fit`.
         step: time between two samples [s]; default: that of the scene.
         noise: channels of all tests with their standard deviations.
+        filters: as for `fit`.
+        rate_limits: as for `fit`.
+        offsets: as for `fit`.
+        scales: as for `fit`.
         shift: as for `fit`.
         accuracy: as for `fit`.
         workers: threads.
@@ -212,10 +220,10 @@ def plan_fit(
         What ``dockloop fit --plan --json`` prints.
     """
     order = _make_order(
-        scene, tests, (overrides, start_values), {"vary": vary},
+        scene, tests, (overrides, start_values), {"vary": vary, "vary_each": vary_each},
         experiment=make_experiment(stop, step), accuracy=accuracy,
         noise=noise or {},
-        sensors=Sensors(shift=shift), is_plan=True,
+        sensors=_make_sensors(filters, offsets, scales, shift, rate_limits), is_plan=True,
     )  # fmt: skip
     with scratch() as folder:
         return report.summarise_plan(work(order, folder / "plan.jsonl", workers=workers))
@@ -243,6 +251,16 @@ def _make_order(
         for name, ends in (table or {}).items()
     ]
     return Order(reference, tests, wanted, _choose_accuracy(merged, accuracy), **more)
+
+
+def _make_sensors(
+    filters: Mapping[str, float] | None,
+    offsets: str | Sequence[str],
+    scales: str | Sequence[str],
+    shift: float | None,
+    rate_limits: Mapping[str, float] | None,
+) -> Sensors:
+    return Sensors(filters or {}, _as_names(offsets), _as_names(scales), shift, rate_limits or {})
 
 
 def _as_names(names: str | Sequence[str]) -> tuple[str, ...]:

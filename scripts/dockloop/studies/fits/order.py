@@ -281,7 +281,7 @@ def _means(given: str, name: str) -> bool:
 
 def _choose_step(order: Order, planner: Planner, trials: Sequence[Trial]) -> None:
     """Let runs have as many points as the data, unless the step is given."""
-    if "step" in order.experiment:
+    if "step" in order.experiment or order.is_plan:  # samples of a plan are points of its runs
         return
     times = planner.times
     steps = [float(np.median(np.diff(t.data.time))) for t in trials if t.data is not None]

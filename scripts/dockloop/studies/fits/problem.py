@@ -567,6 +567,11 @@ class Problem:
             sigma = _FAR * s.extent if s.noise is None else s.noise
             s.sigma = np.full(len(s.time), sigma)
 
+    def find_resolution(self, chosen: Sequence[Series]) -> float:
+        """Return the singular value of derivatives of channels that errors of differences have."""
+        extents = np.concatenate([series.extent / series.sigma for series in chosen])
+        return self.accuracy / (2.0 * self.step) * float(np.linalg.norm(extents))
+
     def find_floor(self, name: str) -> float:
         """Return the standard deviation of a channel below which errors of runs decide."""
         return 10.0 * self.accuracy * max(s.extent for s in self.series if s.name == name)

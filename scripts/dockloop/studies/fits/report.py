@@ -16,7 +16,7 @@ from dockloop.report.parts import describe_base, show_figure
 from dockloop.studies.fits.plan import Planned
 from dockloop.studies.fits.problem import Problem, Series
 from dockloop.studies.fits.search import MANY, Found
-from dockloop.studies.fits.statistics import GUESS, QUANTILE, describe_direction
+from dockloop.studies.fits.statistics import GUESS, QUANTILE, Estimate, describe_direction
 from dockloop.sweeps.fitted import COMMAND
 
 if TYPE_CHECKING:
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 _MOST_PANELS = 12
 _STRONG = 0.9  # correlation that is said
 _AT_BOUND, _ON_BOUND = 2e-3, 1e-4  # of the range: if uncertain by that, and in any case
-_DETERMINED = 0.9  # of the deviation of a guess: what a plan expects below is determined
 
 
 def summarise_fit(fitted: "Fitted") -> dict[str, Any]:
@@ -35,7 +34,6 @@ def summarise_fit(fitted: "Fitted") -> dict[str, Any]:
     labels = [parameter.label for parameter in problem.parameters]
     values, deviations = _list_values(problem, found)
     made = found.estimate
-    directions = [describe_direction(axis, labels) for axis in made.directions]
     return {
         **_begin(fitted),
         "values": values,
@@ -55,7 +53,7 @@ def summarise_fit(fitted: "Fitted") -> dict[str, Any]:
             a: {b: _as_number(made.correlations[i, j]) for j, b in enumerate(labels)}
             for i, a in enumerate(labels)
         },
-        "not_identified": [{"parameters": n, "sentence": s} for n, s in directions],
+        "not_identified": _describe_directions(made, labels),
         "singular_values": made.singular.tolist(),
         "residuals": _describe_residuals(problem, found),
         "hidden": list(_list_hidden(problem, found)),
@@ -75,33 +73,47 @@ def summarise_plan(fitted: "Fitted") -> dict[str, Any]:
     problem, found = fitted.problem, fitted.found
     assert isinstance(found, Planned)
 
-    def name(deviations: np.ndarray) -> dict[str, float]:
-        return {
-            p.label: float(by * (p.vary.high - p.vary.low))
-            for p, by in zip(problem.parameters, deviations, strict=True)
-        }
+    labels = [parameter.label for parameter in problem.parameters]
+    spans = [p.vary.high - p.vary.low for p in problem.parameters]
+
+    def name(deviations: np.ndarray) -> dict[str, float | None]:
+        return dict(zip(labels, map(_as_number, deviations * spans), strict=True))
 
     trials = [trial.name for trial in problem.trials]
+    alone = np.array([made.deviations for made in found.alone])
     return {
         **_begin(fitted),
-        "guess": name(np.full(len(problem.parameters), GUESS)),
+        "guess": name(np.full(len(labels), GUESS)),
         "by_test": {
             trial: {
-                "deviations": name(found.alone[k]),
-                "channels": {c: name(d) for (of, c), d in found.channels.items() if of == k},
+                "deviations": name(made.deviations),
+                "not_identified": _describe_directions(made, labels),
+                "channels": {
+                    c: name(by.deviations) for (of, c), by in found.channels.items() if of == k
+                },
+                "outcome": problem.compare_outcome(found.x, k),
             }
-            for k, trial in enumerate(trials)
+            for k, (trial, made) in enumerate(zip(trials, found.alone, strict=True))
         },
         "order": [
-            {"test": trials[k], "deviations": name(deviations)}
-            for k, deviations in zip(found.order, found.together, strict=True)
+            {"test": trials[k], "deviations": name(made.deviations)}
+            for k, made in zip(found.order, found.together, strict=True)
         ],
         "best": {
-            p.label: trials[int(np.argmin(found.alone[:, j]))]
-            for j, p in enumerate(problem.parameters)
-            if np.min(found.alone[:, j]) < _DETERMINED * GUESS
+            label: trials[int(np.nanargmin(alone[:, j]))]
+            for j, label in enumerate(labels)
+            if not np.isnan(alone[:, j]).all()
         },
+        "not_identified": _describe_directions(found.together[-1], labels),
+        "hidden": list(_list_missed(problem)),
+        "outcome_changes": found.changes,
     }
+
+
+def _describe_directions(made: Estimate, labels: Sequence[str]) -> list[dict[str, Any]]:
+    """Return what data do not determine: parameters and a sentence for each direction."""
+    described = (describe_direction(axis, labels) for axis in made.directions)
+    return [{"parameters": names, "sentence": sentence} for names, sentence in described]
 
 
 def _begin(fitted: "Fitted") -> dict[str, Any]:
@@ -193,14 +205,19 @@ def _find_rms(error: np.ndarray) -> float | None:
     return _as_number(float(np.sqrt(np.mean(error**2)))) if len(error) else None
 
 
-def _list_hidden(problem: Problem, found: Found) -> Iterator[str]:
-    """Yield sentences on what the residuals hide, or on why that is not known."""
+def _list_missed(problem: Problem) -> Iterator[str]:
+    """Yield sentences on tests that are sampled too slowly."""
     for number in problem.list_trials():
         if all(series.misses_impacts for series in problem.choose([number])):
             yield (
                 f"every channel of '{problem.trials[number].name}' has impacts between two samples,"
                 " which make false valleys: sample faster, or fit a channel of the motion too"
             )
+
+
+def _list_hidden(problem: Problem, found: Found) -> Iterator[str]:
+    """Yield sentences on what the residuals hide, or on why that is not known."""
+    yield from _list_missed(problem)
     for series, judged, band in zip(problem.series, found.judged, found.bands, strict=True):
         channel = f"{series.name} in '{problem.trials[series.trial].name}'"
         if np.isnan(band).all():
@@ -271,8 +288,7 @@ def _list_facts(summary: dict[str, Any]) -> Iterator[tuple[str, str]]:
 
 def _list_points(summary: dict[str, Any]) -> Iterator[str]:
     """Yield what a user must know."""
-    for each in summary["not_identified"]:
-        yield f"not identified: {each['sentence']}"
+    yield from (f"not identified: {each}" for each in _list_blind(summary))
     for name in summary["at_bound"]:
         yield f"{name} is at a bound of its range: widen the range, or doubt the model"
     names = list(summary["values"])
@@ -281,16 +297,25 @@ def _list_points(summary: dict[str, Any]) -> Iterator[str]:
             value = summary["correlations"][a][b]
             if value is not None and abs(value) > _STRONG:
                 yield f"{b} and {a} are correlated by {value:+.2f}: read their deviations together"
-    for name, row in summary["by_test"].items():
-        if row["outcome"].get("agrees") is False:
-            measured, computed = (row["outcome"][side] for side in ("measured", "computed"))
-            yield f"outcome of '{name}': measured {measured}, with the fitted numbers {computed}"
-    yield from (
-        f"outcome: {each}: no difference is taken across" for each in summary["outcome_changes"]
-    )
+    yield from _list_outcomes(summary, "with the fitted numbers")
     if reasons := summary["not_done"]:
         yield f"{len(reasons)} runs were not done, and the search went around: {reasons[0]}"
     yield from summary["hidden"]
+
+
+def _list_blind(row: dict[str, Any]) -> list[str]:
+    return [each["sentence"] for each in row["not_identified"]]
+
+
+def _list_outcomes(summary: dict[str, Any], numbers: str) -> Iterator[str]:
+    """Yield which outcomes are others than the stated ones, and which change close by."""
+    for name, row in summary["by_test"].items():
+        if row["outcome"].get("agrees") is False:
+            measured, computed = (row["outcome"][side] for side in ("measured", "computed"))
+            yield f"outcome of '{name}': measured {measured}, {numbers} {computed}"
+    yield from (
+        f"outcome: {each}: no difference is taken across" for each in summary["outcome_changes"]
+    )
 
 
 def _report_residuals(summary: dict[str, Any]) -> Iterator[Section]:
@@ -313,17 +338,15 @@ def _report_plan(summary: dict[str, Any]) -> list[Section]:
     units = summary["units"]
     heads = [f"{n} [{_say_unit(units[n])}]" if _say_unit(units[n]) else n for n in names]
 
-    def list_cells(row: dict[str, float]) -> list[str]:
-        return [
-            f"{row[n]:.3g}" if row[n] < _DETERMINED * summary["guess"][n] else "not determined"
-            for n in names
-        ]
+    def list_cells(row: dict[str, float | None]) -> list[str]:
+        return ["not determined" if (by := row[n]) is None else f"{by:.3g}" for n in names]
 
     alone = [
-        (test, "all", *list_cells(row["deviations"])) for test, row in summary["by_test"].items()
+        (test, "all", *list_cells(row["deviations"]), row["outcome"]["computed"])
+        for test, row in summary["by_test"].items()
     ]
     channels = [
-        (test, channel, *list_cells(deviations))
+        (test, channel, *list_cells(deviations), "")
         for test, row in summary["by_test"].items()
         for channel, deviations in row["channels"].items()
         if len(row["channels"]) > 1
@@ -332,15 +355,24 @@ def _report_plan(summary: dict[str, Any]) -> list[Section]:
         (i, row["test"], *list_cells(row["deviations"]))
         for i, row in enumerate(summary["order"], 1)
     ]
-    best = [f"{test} says most about {name}" for name, test in summary["best"].items()]
+    points = [f"{test} says most about {name}" for name, test in summary["best"].items()]
+    points += (f"not identified, by all together: {each}" for each in _list_blind(summary))
+    points += (
+        f"not identified, by {test} alone: {each['sentence']}"
+        for test, row in summary["by_test"].items()
+        for each in row["not_identified"]
+        if len(each["parameters"]) > 1 < len(summary["by_test"])  # the table has the others
+    )
+    points += [*_list_outcomes(summary, "with the values of the scene"), *summary["hidden"]]
     facts = [
         ("expected", "standard deviations at the values of the scene"),
         ("runs", f"{summary['runs']} in {summary['seconds']:.1f} s"),
         *list_files(summary.get("files", [])),
     ]
+    first = ("test", "channel")
     return [
-        Section(f"Plan of tests of {summary['scene']}", points=best, table=[FACTS, *facts]),
-        Section("One test alone", table=[("test", "channel", *heads), *alone, *channels]),
+        Section(f"Plan of tests of {summary['scene']}", points=points, table=[FACTS, *facts]),
+        Section("One test alone", table=[(*first, *heads, "outcome"), *alone, *channels]),
         Section("In this order", table=[("number", "test", *heads), *order]),
     ]
 

@@ -323,9 +323,9 @@ def _judge(problem: Problem, x: np.ndarray, loss: str, noise: dict[str, float]) 
         np.full(len(series.time), problem.trials[series.trial].is_held) for series in problem.series
     ])  # fmt: skip
     used = (weights > 0.0) & ~is_held
-    missed = all(series.misses_impacts for series in problem.choose(problem.list_trials()))
-    extents = np.concatenate([series.extent / series.sigma for series in problem.series])
-    resolution = problem.accuracy / (2.0 * problem.step) * float(np.linalg.norm(extents[used]))
+    seen = problem.choose(problem.list_trials())
+    missed = all(series.misses_impacts for series in seen)
+    resolution = problem.find_resolution(seen)
     own = len(problem.parameters)
     free = own + sum(problem.trials[k].is_held is False for k, *_ in problem.labels)
     factor = find_factor(residuals[used], loss, free)

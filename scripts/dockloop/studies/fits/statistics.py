@@ -47,6 +47,12 @@ class Estimate:
     directions: np.ndarray
     singular: np.ndarray
 
+    @property
+    def log_volume(self) -> float:
+        """Logarithm of the determinant of the covariance of the parameters."""
+        count = len(self.deviations)
+        return float(np.linalg.slogdet(self.covariance[:count, :count])[1])
+
 
 def estimate(
     jacobian: np.ndarray,
