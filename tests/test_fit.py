@@ -6,12 +6,13 @@ the numbers to be found are known. What is not known to the fit:
 
 1. values, deviations and time shift: within their intervals, as often as these say;
 2. what data cannot determine is named: one parameter, or some that only act together;
-3. a law of another kind (dry friction in place of a damper) is noticed, noise is not;
-4. filters, offsets, scales, outliers, own values of each test, tests that are held back;
-5. plans expect the deviations that fits then have;
-6. copies of the scene, journals, bad input;
-7. dockings with six legs and impacts: how many runs a fit takes, and what these hide;
-8. data of runs with 32 digits, seen by a rig.
+3. the worst pair has a profile;
+4. a law of another kind (dry friction in place of a damper) is noticed, noise is not;
+5. filters, offsets, scales, outliers, own values of each test, tests that are held back;
+6. plans expect the deviations that fits then have;
+7. copies of the scene, journals, bad input;
+8. dockings with six legs and impacts: how many runs a fit takes, and what these hide;
+9. data of runs with 32 digits, seen by a rig.
 """
 
 import json
@@ -254,7 +255,60 @@ def test_a_direction_that_is_not_seen_has_the_deviation_of_a_guess():
     assert found.covariance[0, 0] == pytest.approx(1.0 / 24.0, rel=1e-2)
 
 
-# ------------------------------------------------------------------------- 3. a wrong model
+# --------------------------------------------------------------------- 3. the worst pair
+
+
+def test_a_profile_agrees_with_the_deviations_where_the_model_is_nearly_linear(tmp_path):
+    rig = write_rig(tmp_path / "rig.csv")
+    vary = {**RANGES, "chaser.mass": (15e3, 40e3)}
+    plain, found = fit(rig, vary=vary), fit(rig, vary=vary, profile=True)
+    assert plain.summary["profile"] is None
+    changed = {name for name, value in found.summary.items() if value != plain.summary[name]}
+    assert changed == {"profile", "runs", "ran", "seconds"}
+    assert found.summary["runs"] <= plain.summary["runs"] + 16
+    profile = found.summary["profile"]
+    assert profile["parameters"] == found.summary["worst_pair"] == ["chaser.mass", K]
+    by = found.deviations["chaser.mass"]
+    ways = (np.array(profile["values"]["chaser.mass"]) - found.values["chaser.mass"]) / by
+    assert ways == pytest.approx(np.arange(-3, 4), abs=1e-6)
+    assert profile["rise"] == pytest.approx(ways**2, abs=0.5)
+    assert profile["interval"] == pytest.approx(
+        found.summary["intervals"]["chaser.mass"], abs=by / 8
+    )
+    slope = np.diff(profile["values"][K]) / np.diff(profile["values"]["chaser.mass"])
+    line = found.correlations[K]["chaser.mass"] * found.deviations[K] / by
+    assert slope == pytest.approx(np.full(6, line), rel=0.02)
+    text = write_text(report_fit(found.summary))
+    assert f"Profile of chaser.mass and {K}" in text
+    assert len(found.plot().axes) == len(plain.plot().axes) + 2
+
+
+def test_a_profile_of_what_only_acts_together_goes_through_its_range(tmp_path):
+    vary = {**RANGES, "chaser.mass": (15e3, 40e3)}
+    rig = write_rig(tmp_path / "rig.csv")
+    found = fit(rig, vary=vary, columns="capture.compression=", profile=True)
+    profile = found.summary["profile"]
+    masses = np.array(profile["values"]["chaser.mass"])
+    assert (masses[0], masses[-1]) == pytest.approx((15e3, 40e3))
+    assert np.abs(profile["rise"]).max() < 0.01
+    assert profile["interval"] == [None, None]
+    ratio = profile["values"][K] * (1.0 / masses + 1.0 / 350e3)
+    assert ratio == pytest.approx(np.full(7, STIFFNESS / MASS), rel=3e-3)
+    assert "no lower bound, no upper bound" in write_text(report_fit(found.summary))
+    found.plot()
+
+
+@pytest.mark.parametrize("more", [{}, {"shift": -CLOCK}])
+def test_a_profile_of_one_parameter_has_no_partner(tmp_path, more):
+    rig = write_rig(tmp_path / "rig.csv", damping=12961.0)
+    found = fit(rig, vary={K: RANGES[K]}, profile=True, **more)
+    profile = found.summary["profile"]
+    assert profile["parameters"] == [K]
+    assert profile["interval"] == pytest.approx(found.summary["intervals"][K], rel=1e-4)
+    found.plot()
+
+
+# ------------------------------------------------------------------------- 4. a wrong model
 
 
 @pytest.mark.parametrize(("friction", "most"), [(300.0, 45), (60.0, 38)])
@@ -289,7 +343,7 @@ def test_noise_that_is_larger_than_stated_is_noticed(tmp_path):
     assert right.residuals["rig"]["relative.axial"]["noise_is"] == "stated"
 
 
-# ------------------------------------------------------------------------- 4. sensors and tests
+# ------------------------------------------------------------------------- 5. sensors and tests
 
 
 @pytest.mark.parametrize(
@@ -433,7 +487,7 @@ def test_a_channel_that_only_a_held_back_test_has_is_not_judged_without_noise(tm
     assert not any("not judged" in each for each in stated.summary["hidden"])
 
 
-# ------------------------------------------------------------------------------- 5. plans
+# ------------------------------------------------------------------------------- 6. plans
 
 
 def test_a_plan_expects_the_deviations_of_the_closed_form():
@@ -544,7 +598,7 @@ def test_a_plan_expects_the_deviations_of_the_fit(tmp_path):
         assert expected[name] < min(row[name] for row in channels.values())
 
 
-# ------------------------------------------------------------------- 6. files and bad input
+# ------------------------------------------------------------------- 7. files and bad input
 
 
 def test_the_command_reads_own_names_and_writes_a_copy_of_the_scene(dockloop, tmp_path):
@@ -655,6 +709,7 @@ def test_a_copy_has_what_all_tests_share_and_the_rest_is_named(tmp_path, capsys)
 @pytest.mark.parametrize(
     ("words", "refusal"),
     [
+        (["--vary", K, "1e4", "4e4", "--plan", "--profile"], ["--profile", "plan"]),
         (["--vary", K, "1e4", "4e4", "--cases", "200000"], ["--cases", "200000", "100000"]),
         (["--vary-each", K, "1e4", "4e4", "--cases", "9"], ["--cases", "--vary"]),
         (["--vary", K, "1e4", "4e4", "--apply", "new.toml"], [K, "cannot be set in this file"]),
@@ -769,7 +824,7 @@ def test_bad_input_is_refused_in_one_sentence(tmp_path, monkeypatch, change, wor
         assert word in str(error.value)
 
 
-# ----------------------------------------------------------------------- 7. dockings with legs
+# ----------------------------------------------------------------------- 8. dockings with legs
 
 LEGS, FRICTION = "mechanism.set.leg_defaults.damping", "friction.coefficient"
 HARDWARE = {LEGS: 1300.0, FRICTION: 0.16}
@@ -869,7 +924,7 @@ def test_a_search_goes_around_what_is_refused(tmp_path, speed, ends):
     assert not found.summary["hidden"]
 
 
-# ------------------------------------------------------------------------------ 8. 32 digits
+# ------------------------------------------------------------------------------ 9. 32 digits
 
 OFFSETS = {"capture.compression": 150.0, "relative.lateral": 5e-3}  # N, m
 SLIDING = "contact.friction_coefficient"

@@ -121,6 +121,7 @@ def fit(
     starts: int = 8,
     seed: int = 0,
     accuracy: float | None = None,
+    profile: bool = False,
     output: str | Path | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
@@ -152,6 +153,7 @@ def fit(
         starts: of the search, at most; all but one are for a result in doubt.
         seed: of these.
         accuracy: wanted relative error of the runs; default: 1e-6.
+        profile: show how fast other values of the worst pair meet the measurements worse.
         output: the journal is kept next to this file; default: it is not kept.
         workers: threads; default: one per processor.
         scheduler: address of a Dask scheduler to use instead.
@@ -168,7 +170,7 @@ def fit(
         experiment=make_experiment(stop, step), accuracy=accuracy,
         columns=_as_names(columns), form=csv, noise=noise or {},
         sensors=_make_sensors(filters, offsets, scales, shift, rate_limits),
-        loss=loss, starts=starts, seed=seed,
+        loss=loss, starts=starts, seed=seed, is_profiled=profile,
     )  # fmt: skip
     with scratch() as folder:
         journal = (as_path("-o", output) if output else folder / "fit").with_suffix(".jsonl")
@@ -300,7 +302,7 @@ def run_command(options: argparse.Namespace) -> dict[str, Any]:
     output = options.output or paths.RESULTS / "fits" / name / f"{WORK}.json"
     if output.suffix != ".json":
         raise UsageError(f"-o {output}: must end in .json")
-    for member in ("apply", "cases"):
+    for member in ("apply", "cases", "profile"):
         if options.plan and getattr(options, member):
             raise UsageError(f"--{member}: a plan has no fitted numbers: leave it or --plan out")
     figure, page, copy = output.with_suffix(".png"), find_html(output), options.apply
@@ -372,6 +374,7 @@ def _read_order(options: argparse.Namespace) -> Order:
         options.starts,
         options.seed,
         options.plan,
+        options.profile,
     )
 
 

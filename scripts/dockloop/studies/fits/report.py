@@ -15,6 +15,7 @@ from dockloop.base.tables import say_form
 from dockloop.report.parts import describe_base, show_figure
 from dockloop.studies.fits.plan import Planned
 from dockloop.studies.fits.problem import Problem, Series
+from dockloop.studies.fits.profile import choose_pair
 from dockloop.studies.fits.search import MANY, Found
 from dockloop.studies.fits.statistics import GUESS, QUANTILE, Estimate, describe_direction
 from dockloop.sweeps.fitted import COMMAND
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from dockloop.studies.fits.order import Fitted
 
 _MOST_PANELS = 12
+_ELLIPSE = 2.4477  # radius that holds 95 % of two normal parameters, in deviations
 _STRONG = 0.9  # correlation that is said
 _AT_BOUND, _ON_BOUND = 2e-3, 1e-4  # of the range: if uncertain by that, and in any case
 
@@ -65,6 +67,24 @@ def summarise_fit(fitted: "Fitted") -> dict[str, Any]:
         "outcome_changes": found.changes,
         "loss": fitted.order.loss,
         "covariance": made.covariance[: len(labels), : len(labels)].tolist(),
+        "worst_pair": [labels[i] for i in choose_pair(made)],
+        "profile": _describe_profile(fitted) if fitted.profile else None,
+    }
+
+
+def _describe_profile(fitted: "Fitted") -> dict[str, Any]:
+    """Return the profile in units: values of all parameters at its points."""
+    parameters, profile = fitted.problem.parameters, fitted.profile
+    assert profile
+    held = parameters[profile.pair[0]].vary
+    return {
+        "parameters": [parameters[i].label for i in profile.pair],
+        "values": {
+            p.label: [p.vary.value(part) for part in profile.points[:, i]]
+            for i, p in enumerate(parameters)
+        },
+        "rise": profile.rise.tolist(),
+        "interval": [None if math.isnan(end) else held.value(end) for end in profile.interval],
     }
 
 
@@ -263,6 +283,7 @@ def report_fit(summary: dict[str, Any]) -> list[Section]:
         Section(f"Fit of {summary['scene']}", table=[FACTS, *_list_facts(summary)]),
         Section("Parameters", table=[heads, *rows]),
         Section("What to know", points=list(_list_points(summary))),
+        *_report_profile(summary),
         *_report_residuals(summary),
         Section("Unknowns of tests", table=[("test", "unknown", "value", "deviation"), *(
             (test, name, each["value"], each["deviation"])
@@ -301,6 +322,34 @@ def _list_points(summary: dict[str, Any]) -> Iterator[str]:
     if reasons := summary["not_done"]:
         yield f"{len(reasons)} runs were not done, and the search went around: {reasons[0]}"
     yield from summary["hidden"]
+
+
+def _report_profile(summary: dict[str, Any]) -> Iterator[Section]:
+    """Yield how fast other values of the worst pair meet the measurements worse."""
+    if not (profile := summary["profile"]):
+        return
+    first, *_ = pair = profile["parameters"]
+    value, by = summary["values"][first], summary["deviations"][first]
+    columns = [profile["values"][name] for name in pair]
+    rows = [
+        (
+            *(f"{each:.6g}" for each in row),
+            f"{rise:.3g}",
+            "" if by is None else f"{((row[0] - value) / by) ** 2:.3g}",
+        )
+        for *row, rise in zip(*columns, profile["rise"], strict=True)
+    ]
+    low, high = profile["interval"]
+    unit = _say_unit(summary["units"][first])
+    ends = (
+        "no lower bound" if low is None else f"from {low:.5g} {unit}".rstrip(),
+        "no upper bound" if high is None else f"to {high:.5g} {unit}".rstrip(),
+    )
+    yield Section(
+        f"Profile of {' and '.join(pair)}",
+        points=[f"95 % of {first} by the profile: {', '.join(ends)}"],
+        table=[(*pair, "rise of misfit", "if linear"), *rows],
+    )
 
 
 def _list_blind(row: dict[str, Any]) -> list[str]:
@@ -406,15 +455,16 @@ def complete_report(
 
 
 def draw_fit(fitted: "Fitted") -> Any:
-    """Return the figure: every channel with its band, and its residuals over the noise."""
+    """Return the figure: every channel with its band and its residuals, then the profile."""
     from matplotlib.figure import Figure
 
     problem, found = fitted.problem, fitted.found
     assert isinstance(found, Found)
     chosen = list(zip(problem.series, found.bands, strict=True))[:_MOST_PANELS]
-    figure = Figure(figsize=(11, 1.0 + 2.2 * len(chosen)), layout="constrained")
-    panels = figure.subplots(len(chosen), 2, squeeze=False, width_ratios=(2, 1))
-    for (left, right), (series, band) in zip(panels, chosen, strict=True):
+    rows = len(chosen) + (fitted.profile is not None)
+    figure = Figure(figsize=(11, 1.0 + 2.2 * rows), layout="constrained")
+    panels = figure.subplots(rows, 2, squeeze=False, width_ratios=(2, 1))
+    for (left, right), (series, band) in zip(panels, chosen, strict=False):
         trial = problem.trials[series.trial]
         time = series.time + problem.find_unknown(found.x, series, "shift")
         fitted_to = series.values + _find_error(problem, found.x, series)
@@ -433,7 +483,48 @@ def draw_fit(fitted: "Fitted") -> Any:
         right.set_title("residual over noise", fontsize="small")
         for panel in (left, right):
             panel.grid(alpha=0.3)
-    panels[-1][0].set_xlabel("time of the run [s]")
+    panels[len(chosen) - 1][0].set_xlabel("time of the run [s]")
+    if fitted.profile:
+        _draw_profile(fitted, *panels[-1])
     panels[0][0].legend(loc="best", fontsize="x-small")
     figure.suptitle(problem.planner.base["title"], fontsize="medium")
     return figure
+
+
+def _draw_profile(fitted: "Fitted", left: Any, right: Any) -> None:
+    """Draw the way of the pair over the ellipse of its covariance, and the rise of the misfit."""
+    problem, found, profile = fitted.problem, fitted.found, fitted.profile
+    assert isinstance(found, Found)
+    assert profile
+    pair = profile.pair
+    varies = [problem.parameters[i].vary for i in pair]
+    labels = [problem.parameters[i].label for i in pair]
+    first, *second = (
+        [vary.value(part) for part in profile.points[:, i]]
+        for i, vary in zip(pair, varies, strict=True)
+    )
+    spread = found.estimate.covariance[np.ix_(pair, pair)]
+    is_known = not np.isnan(found.estimate.deviations[pair]).any()
+    if second and is_known:
+        turn = np.linspace(0.0, 2.0 * np.pi, 121)
+        circle = np.array([np.cos(turn), np.sin(turn)])
+        edge = found.x[pair, None] + _ELLIPSE * np.linalg.cholesky(spread) @ circle
+        ends = ([vary.value(e) for e in row] for vary, row in zip(varies, edge, strict=True))
+        left.plot(*ends, color=SKY, label="95 % by covariance")
+    if second:
+        left.plot(first, *second, ".-", color=VERMILION, label="profile")
+        left.set_ylabel(labels[1], fontsize="small")
+        left.legend(loc="best", fontsize="x-small")
+    else:
+        left.set_axis_off()
+    right.plot(first, profile.rise, ".-", color=VERMILION, label="profile")
+    if is_known:
+        fine = np.linspace(profile.points[0, pair[0]], profile.points[-1, pair[0]], 61)
+        linear = (fine - found.x[pair[0]]) ** 2 / spread[0, 0]
+        right.plot([varies[0].value(part) for part in fine], linear, color=SKY, label="if linear")
+    right.axhline(QUANTILE**2, linestyle="--", linewidth=0.9, color=GREY, label="95 %")
+    right.set_title("rise of misfit", fontsize="small")
+    right.legend(loc="best", fontsize="x-small")
+    for panel in (left, right):
+        panel.set_xlabel(labels[0], fontsize="small")
+        panel.grid(alpha=0.3)

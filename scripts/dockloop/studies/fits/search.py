@@ -24,6 +24,7 @@ from scipy.stats import qmc
 from dockloop.base.errors import DockloopError, UsageError
 from dockloop.studies.fits.problem import Problem
 from dockloop.studies.fits.statistics import (
+    PENALTIES,
     QUANTILE,
     Estimate,
     estimate,
@@ -56,6 +57,7 @@ class Found:
         judged: of every series: what its residuals look like.
         bands: of every series: half width of the 95 % band of a sample, in its unit; NaN: its noise
             is not known, as no fitted test has this channel.
+        rise: of the sum of squares (of the loss) by one deviation.
         starts: outcomes of the starts, how many of each.
         changes: sentences on outcomes that change within one difference.
     """
@@ -66,6 +68,7 @@ class Found:
     noise: dict[str, float]
     judged: list[dict[str, Any]]
     bands: list[np.ndarray]
+    rise: float
     starts: dict[str, int] = field(default_factory=dict)
     changes: list[str] = field(default_factory=list)
 
@@ -182,7 +185,7 @@ def _descend(
     count, ends = len(problem.parameters), list[np.ndarray]()
     least = _score(problem, known[0]) if known else (len(problem.trials) + 1, 0.0)
     for start in starts:
-        ends.append(_solve(problem, start, loss, is_coarse=True))
+        ends.append(solve(problem, start, loss, is_coarse=True))
         if (
             known
             and np.max(np.abs(ends[-1] - known[1])[:count]) < _VALLEY
@@ -223,7 +226,7 @@ def _refine(problem: Problem, x: np.ndarray, loss: str) -> tuple[np.ndarray, dic
             is_settled = all(abs(noise[name] / old[name] - 1.0) < _SAME for name in noise)
             if is_settled and change < _CHANGE:
                 break
-        last, x = x, _solve(problem, x, loss)
+        last, x = x, solve(problem, x, loss)
         if old and np.array_equal(last, x):
             break
     return x, noise
@@ -260,29 +263,53 @@ def _is_doubtful(problem: Problem, x: np.ndarray, noise: dict[str, float]) -> bo
     )
 
 
-def _solve(problem: Problem, x: np.ndarray, loss: str, *, is_coarse: bool = False) -> np.ndarray:
+def solve(
+    problem: Problem,
+    x: np.ndarray,
+    loss: str,
+    *,
+    is_coarse: bool = False,
+    held: int | None = None,
+) -> np.ndarray:
     """Return the vector at a minimum; a coarse one is that of means over time.
 
     What has no effect stays where it is: without the last rows, steps would be those of no rank.
+
+    Args:
+        problem: what is minimised.
+        x: where the search begins.
+        loss: of residuals.
+        is_coarse: means over time are minimised, roughly.
+        held: an entry of the vector that stays.
     """
-    hold = _HOLD * np.eye(problem.size)
+    free = np.delete(np.arange(problem.size), [] if held is None else held)
+    if not len(free):
+        return x
+    hold = _HOLD * np.eye(len(free))
     counted = sum(np.isfinite(s.sigma).sum() for s in problem.choose(problem.list_trials()))
     end, most = _COARSE if is_coarse else _FINE
+
+    def put(part: np.ndarray) -> np.ndarray:
+        at = x.copy()
+        at[free] = part
+        return at
 
     def smooth(rows: np.ndarray) -> np.ndarray:
         return problem.smooth(rows, _MEANS) if is_coarse else rows
 
-    return least_squares(
-        lambda at: np.append(smooth(problem.calc_residuals(at)), hold @ (at - x)),
-        x,
-        lambda at: np.vstack([smooth(problem.calc_jacobian(at)), hold]),
-        _list_bounds(problem),
+    low, high = _list_bounds(problem)
+    found = least_squares(
+        lambda at: np.append(smooth(problem.calc_residuals(put(at))), hold @ (at - x[free])),
+        x[free],
+        lambda at: np.vstack([smooth(problem.calc_jacobian(put(at)))[:, free], hold]),
+        (low[free], high[free]),
         loss=loss,
         ftol=max(end, 2.0 * _CHANGE / counted),
         xtol=_STEP,
         gtol=None,
         max_nfev=most,
-    ).x
+    )
+    return put(found.x)
 
 
 def _judge_series(
@@ -338,4 +365,5 @@ def _judge(problem: Problem, x: np.ndarray, loss: str, noise: dict[str, float]) 
         (QUANTILE if known else np.nan) * series.sigma * np.sqrt(spread[part])
         for series, part, known in zip(problem.series, rows, is_known, strict=True)
     ]
-    return Found(x, None, made, noise, judged, bands)
+    rise = factor * float(np.mean(PENALTIES[loss].slope(residuals[used])))
+    return Found(x, None, made, noise, judged, bands, rise)
