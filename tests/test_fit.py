@@ -865,6 +865,24 @@ def test_a_fit_of_a_docking_takes_few_runs(tmp_path, docked, second, most):
     assert found.summary["runs"] <= most
 
 
+def test_four_parameters_of_three_dockings_take_few_runs(tmp_path):
+    """Twenty-two points of three tests: some 8 s of processor."""
+    spring, offset = "mechanism.set.leg_defaults.stiffness", "initial.lateral_offset"
+    hardware = {LEGS: 1300.0, spring: 1900.0, SLIDING: 0.16}
+    data = []
+    for seed, speed in enumerate((0.05, 0.06, 0.08)):
+        run = dl.run("idss_25t_350t", overrides={**hardware, SPEED: speed}, stop=6, step=2e-3)
+        names = ["relative.axial", "relative.lateral"]
+        file = write_docking(tmp_path / f"{seed}.csv", run, names, seed)
+        data.append({"file": str(file), "set": {SPEED: speed}})
+    ranges = {LEGS: (200.0, 3000.0), spring: (500.0, 1e4), SLIDING: (0.0, 0.4), offset: (0.0, 0.1)}
+    found = dl.fit("idss_25t_350t", data, ranges, stop=6)
+    for name, value in {**hardware, offset: 0.05}.items():
+        assert_found(found, name, value)
+    assert not found.summary["hidden"]
+    assert found.summary["runs"] <= 80
+
+
 def test_a_load_with_impacts_alone_ends_in_no_false_valley(tmp_path, docked):
     """Impacts of 5 to 11 ms. Without means over time 57 runs and more ended 30 sigma off."""
     names = ["capture.compression"]

@@ -40,7 +40,6 @@ _VALLEY = 0.05  # of the ranges: coarse searches that end so close have found th
 _STEP = 1e-5  # of the vector that ends a search
 _HOLD = 1e-3  # residual of a change by all of a range: 1e-6 in the sum of squares
 _ROUNDS = 6  # of estimates of noise, and of derivatives both ways
-_SAME = 0.05  # change of standard deviations that ends the rounds
 MANY = 0.5  # of the samples of a channel: fewer within the run are in doubt
 _INSIDE = 1e-3  # of the range that a start keeps from a bound
 
@@ -218,17 +217,15 @@ def _finish(problem: Problem, x: np.ndarray, loss: str) -> tuple[np.ndarray, dic
 
 def _refine(problem: Problem, x: np.ndarray, loss: str) -> tuple[np.ndarray, dict[str, float]]:
     """Return the vector at a minimum with its own noise, and the noise of channels."""
-    trials, noise = problem.list_trials(), dict[str, float]()
+    trials, is_first = problem.list_trials(), True
     for _ in range(_ROUNDS):
-        old, noise = noise, problem.weigh(x, trials, is_robust=loss != "linear")
-        if old:
-            change = _foresee_change(problem, x, noise)
-            is_settled = all(abs(noise[name] / old[name] - 1.0) < _SAME for name in noise)
-            if is_settled and change < _CHANGE:
-                break
-        last, x = x, solve(problem, x, loss)
-        if old and np.array_equal(last, x):
+        noise = problem.weigh(x, trials, is_robust=loss != "linear")
+        if not is_first and _foresee_change(problem, x, noise) < _CHANGE:
             break
+        last, x = x, solve(problem, x, loss)
+        if not is_first and np.array_equal(last, x):
+            break
+        is_first = False
     return x, noise
 
 
