@@ -468,13 +468,14 @@ def draw_fit(fitted: "Fitted") -> Any:
         trial = problem.trials[series.trial]
         time = series.time + problem.find_unknown(found.x, series, "shift")
         fitted_to = series.values + _find_error(problem, found.x, series)
-        left.fill_between(time, fitted_to - band, fitted_to + band, color=SKY, alpha=0.5,
-                          label="95 % band")  # fmt: skip
         left.plot(time, series.values, ".", markersize=2, color="0.35", label="measured")
         if found.before is not None:
             before = series.values + _find_error(problem, found.before, series)
             left.plot(time, before, "--", linewidth=0.9, color=GREY, label="scene")
         left.plot(time, fitted_to, linewidth=0.9, color=VERMILION, label="fitted")
+        left.set_ylim(left.get_ylim())  # next to an impact the band is wide
+        left.fill_between(time, fitted_to - band, fitted_to + band, color=SKY, alpha=0.5,
+                          label="95 % band")  # fmt: skip
         unit = problem.planner.variables[series.name].unit.replace(".", " ")
         left.set_ylabel(f"{series.name} [{unit}]", fontsize="small")
         held = ", held back" if trial.is_held else ""
