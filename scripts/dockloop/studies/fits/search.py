@@ -197,9 +197,10 @@ def _descend(
 
 def _score(problem: Problem, x: np.ndarray) -> tuple[int, float]:
     """Return how many outcomes are not the measured ones, and the sum of squares."""
+    squares = float(np.sum(problem.calc_residuals(x) ** 2))  # makes the runs
     trials = problem.list_trials()
     others = sum(problem.compare_outcome(x, k).get("agrees") is False for k in trials)
-    return others, float(np.sum(problem.calc_residuals(x) ** 2))
+    return others, squares
 
 
 def _finish(problem: Problem, x: np.ndarray, loss: str) -> tuple[np.ndarray, dict[str, float]]:
