@@ -6,14 +6,16 @@ the numbers to be found are known. What is not known to the fit:
 
 1. values, deviations and time shift: within their intervals, as often as these say;
 2. what data cannot determine is named: one parameter, or some that only act together;
-3. a law of another kind (dry friction in place of a damper) is noticed, noise is not;
-4. filters, offsets, scales, outliers, own values of each test, tests that are held back;
-5. plans expect the deviations that fits then have;
-6. copies of the scene, journals, bad input;
-7. dockings with six legs and impacts: how many runs a fit takes, and what these hide;
-8. data of runs with 32 digits, seen by a rig.
+3. the worst pair has a profile;
+4. a law of another kind (dry friction in place of a damper) is noticed, noise is not;
+5. filters, offsets, scales, outliers, own values of each test, tests that are held back;
+6. plans expect the deviations that fits then have;
+7. copies of the scene, journals, bad input;
+8. dockings with six legs and impacts: how many runs a fit takes, and what these hide;
+9. data of runs with 32 digits, seen by a rig.
 """
 
+import importlib.util
 import json
 import math
 import tomllib
@@ -194,7 +196,8 @@ def test_runs_go_on_if_the_data_leave_them(tmp_path, monkeypatch):
     found, ends = find_ends(tmp_path)
     assert min(ends) < TIME[148]
     assert ends[-1] == 5.0
-    assert found.values == pytest.approx(whole.values, rel=1e-4)
+    for name, by in whole.deviations.items():
+        assert abs(found.values[name] - whole.values[name]) < 0.1 * by
     samples = [each.residuals["rig"]["relative.axial"]["samples"] for each in (found, whole)]
     assert samples[0] == samples[1]
 
@@ -217,6 +220,37 @@ def test_intervals_hold_the_value_as_often_as_they_say(tmp_path):
     inside, alarms = count_inside(tmp_path, 100)
     assert min(inside.values()) >= 90, inside
     assert alarms <= 5
+
+
+@pytest.mark.long
+def test_intervals_hold_the_numbers_of_another_engine(tmp_path):
+    """Each repetition: other noise, another clock, 73 Hz, an offset, a factor, names of a rig."""
+    spec = importlib.util.spec_from_file_location("measured_mujoco", RIG.with_suffix(".py"))
+    rig = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(rig)
+    clean = np.transpose(list(rig.simulate()))
+    time = np.arange(0.2, 4.8, 0.0137)
+    axial, _, force = (np.interp(time, clean[0], column) for column in clean[1:])
+    true = {K: rig.STIFFNESS, C: 2.0 * rig.RATIO * (rig.STIFFNESS * MASS) ** 0.5}
+    inside = dict.fromkeys((*true, "shift", "offset", "scale"), 0)
+    for seed in range(100):
+        noise = np.random.default_rng(300 + seed).normal(size=(2, len(time)))
+        seen = 1e3 * (axial + 3e-3) + 0.5 * noise[0], 1.02 * force + 15.0 * noise[1]
+        table = np.transpose([time + 0.02 * seed, *seen])
+        np.savetxt(tmp_path / "rig.csv", table, "%.9g", ";", header="clock;dx;Fz", comments="")
+        found = fit(
+            tmp_path / "rig.csv", offsets="relative.axial", scales="capture.force[1]",
+            columns="clock=time:s, dx=relative.axial:mm, Fz=capture.force[1]:N",
+        )  # fmt: skip
+        for name, value in true.items():
+            low, high = found.summary["intervals"][name]
+            inside[name] += low <= value <= high
+        unknowns = found.summary["by_test"]["rig"]["unknowns"]
+        sensor = {"shift": -0.02 * seed, "offset": 3e-3, "scale": 1.02}
+        for name, by in unknowns.items():
+            kind = name.split()[0]
+            inside[kind] += abs(by["value"] - sensor[kind]) < 1.96 * by["deviation"]
+    assert min(inside.values()) >= 90, inside
 
 
 # ------------------------------------------------------------------------- 2. not identified
@@ -254,12 +288,70 @@ def test_a_direction_that_is_not_seen_has_the_deviation_of_a_guess():
     assert found.covariance[0, 0] == pytest.approx(1.0 / 24.0, rel=1e-2)
 
 
-# ------------------------------------------------------------------------- 3. a wrong model
+# --------------------------------------------------------------------- 3. the worst pair
 
 
-def test_a_friction_law_of_another_kind_is_noticed(tmp_path):
-    found = fit(write_rig(tmp_path / "rig.csv", histories=rub(TIME)))
+def test_a_profile_agrees_with_the_deviations_where_the_model_is_nearly_linear(tmp_path):
+    rig = write_rig(tmp_path / "rig.csv")
+    vary = {**RANGES, "chaser.mass": (15e3, 40e3)}
+    plain, found = fit(rig, vary=vary), fit(rig, vary=vary, profile=True)
+    assert plain.summary["profile"] is None
+    changed = {name for name, value in found.summary.items() if value != plain.summary[name]}
+    assert changed == {"profile", "runs", "ran", "seconds"}
+    assert found.summary["runs"] <= plain.summary["runs"] + 16
+    profile = found.summary["profile"]
+    assert profile["parameters"] == found.summary["worst_pair"] == ["chaser.mass", K]
+    by = found.deviations["chaser.mass"]
+    ways = (np.array(profile["values"]["chaser.mass"]) - found.values["chaser.mass"]) / by
+    assert ways == pytest.approx(np.arange(-3, 4), abs=1e-6)
+    assert profile["rise"] == pytest.approx(ways**2, abs=0.5)
+    assert profile["interval"] == pytest.approx(
+        found.summary["intervals"]["chaser.mass"], abs=by / 8
+    )
+    slope = np.diff(profile["values"][K]) / np.diff(profile["values"]["chaser.mass"])
+    line = found.correlations[K]["chaser.mass"] * found.deviations[K] / by
+    assert slope == pytest.approx(np.full(6, line), rel=0.02)
+    text = write_text(report_fit(found.summary))
+    assert f"Profile of chaser.mass and {K}" in text
+    assert len(found.plot().axes) == len(plain.plot().axes) + 2
+
+
+def test_a_profile_of_what_only_acts_together_goes_through_its_range(tmp_path):
+    vary = {**RANGES, "chaser.mass": (15e3, 40e3)}
+    rig = write_rig(tmp_path / "rig.csv")
+    found = fit(rig, vary=vary, columns="capture.compression=", profile=True)
+    profile = found.summary["profile"]
+    masses = np.array(profile["values"]["chaser.mass"])
+    assert (masses[0], masses[-1]) == pytest.approx((15e3, 40e3))
+    assert np.abs(profile["rise"]).max() < 0.01
+    assert profile["interval"] == [None, None]
+    ratio = profile["values"][K] * (1.0 / masses + 1.0 / 350e3)
+    assert ratio == pytest.approx(np.full(7, STIFFNESS / MASS), rel=3e-3)
+    assert "no lower bound, no upper bound" in write_text(report_fit(found.summary))
+    found.plot()
+
+
+@pytest.mark.parametrize("more", [{}, {"shift": -CLOCK}])
+def test_a_profile_of_one_parameter_has_no_partner(tmp_path, more):
+    rig = write_rig(tmp_path / "rig.csv", damping=12961.0)
+    found = fit(rig, vary={K: RANGES[K]}, profile=True, **more)
+    profile = found.summary["profile"]
+    assert profile["parameters"] == [K]
+    assert profile["interval"] == pytest.approx(found.summary["intervals"][K], rel=1e-4)
+    found.plot()
+
+
+# ------------------------------------------------------------------------- 4. a wrong model
+
+
+@pytest.mark.parametrize(("friction", "most"), [(300.0, 45), (60.0, 38)])
+def test_a_friction_law_of_another_kind_is_noticed(tmp_path, friction, most):
+    """It costs another start, which finds the same; with 60 N the damping is at its bound."""
+    rig = write_rig(tmp_path / "rig.csv", histories=rub(TIME, friction))
+    found = fit(rig, starts=8)
     assert "model is of another kind" in "".join(found.summary["hidden"])
+    assert sum(found.summary["starts"].values()) == 8
+    assert found.summary["runs"] <= most
     row = found.residuals["rig"]["capture.compression"]
     assert row["from"] < row["to"]
     assert row["per_sample"] > 2.0  # neighbours are alike: deviations are larger
@@ -284,7 +376,7 @@ def test_noise_that_is_larger_than_stated_is_noticed(tmp_path):
     assert right.residuals["rig"]["relative.axial"]["noise_is"] == "stated"
 
 
-# ------------------------------------------------------------------------- 4. sensors and tests
+# ------------------------------------------------------------------------- 5. sensors and tests
 
 
 @pytest.mark.parametrize(
@@ -428,7 +520,67 @@ def test_a_channel_that_only_a_held_back_test_has_is_not_judged_without_noise(tm
     assert not any("not judged" in each for each in stated.summary["hidden"])
 
 
-# ------------------------------------------------------------------------------- 5. plans
+# ------------------------------------------------------------------------------- 6. plans
+
+
+def test_a_plan_expects_the_deviations_of_the_closed_form():
+    """Samples next to the jump of the force at the contact do not count."""
+    time = np.arange(0.0, 4.5, 0.0137)
+    inside = np.abs(time - APPROACH) > 0.02
+
+    def see(stiffness, damping, shift):
+        seen = move(time + shift, stiffness=stiffness, damping=damping)
+        return np.concatenate([x[inside] / s for x, s in zip(seen, SIGMA.values(), strict=True)])
+
+    tests = [{"name": "rig", "noise": SIGMA}]
+    planned = dl.plan_fit("absorber_1d", tests, RANGES, overrides=LATER, stop=4.5, step=0.0137)
+    own = np.array([*planned["scene_values"].values(), 0.0])
+    ways = np.diag([1.0, 1.0, 1e-4])
+    slopes = np.transpose([(see(*(own + w)) - see(*(own - w))) / (2.0 * w.sum()) for w in ways])
+    wanted = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))[:2]
+    found = list(planned["by_test"]["rig"]["deviations"].values())
+    assert found == pytest.approx(wanted, rel=0.01)
+
+
+def test_a_plan_says_what_tests_determine_only_together():
+    """As a fit of their data would: motions alone are the same with all masses and laws doubled."""
+    vary = {**RANGES, "chaser.mass": (15e3, 40e3)}
+    motion = {"relative.axial": SIGMA["relative.axial"]}
+    tests = [{"name": "motion", "noise": motion}, {"name": "load", "noise": SIGMA}]
+    planned = dl.plan_fit("absorber_1d", tests, vary, overrides=LATER)
+    alone = planned["by_test"]["motion"]
+    assert set(alone["deviations"].values()) == {None}
+    assert {name for row in alone["not_identified"] for name in row["parameters"]} == set(vary)
+    assert not planned["not_identified"]
+    assert planned["order"][0]["test"] == "load"
+    assert set(planned["best"].values()) == {"load"}
+    text = write_text(report_fit(planned))
+    assert "not identified, by motion alone" in text
+    assert "only together" in text
+
+
+def test_a_plan_knows_what_tests_and_sensors_do_not_know():
+    """A factor of the load cell hides all masses; a speed of its own belongs to one test."""
+    tests = [
+        {"name": "a", "noise": SIGMA, "outcome": "captured"},
+        {"name": "b", "noise": SIGMA, "held_back": True},
+    ]
+    planned = dl.plan_fit(
+        "absorber_1d", tests, {"chaser.mass": (15e3, 40e3), **RANGES}, overrides=LATER,
+        vary_each={SPEED: (0.05, 0.2)}, scales="capture.compression",
+    )  # fmt: skip
+    assert planned["by_test"]["a"]["deviations"][f"{SPEED} @ b"] is None
+    assert planned["best"] == {f"{SPEED} @ {name}": name for name in "ab"}
+    together = {name for row in planned["not_identified"] for name in row["parameters"]}
+    assert together == {"chaser.mass", *RANGES}
+    assert "outcome of 'a': measured captured" in write_text(report_fit(planned))
+
+
+def test_a_plan_of_a_load_between_samples_says_so():
+    tests = [{"name": "load", "noise": {"capture.compression": 20.0}}]
+    planned = dl.plan_fit("idss_25t_350t", tests, DOCKING, stop=4, step=0.02)
+    assert set(planned["by_test"]["load"]["deviations"].values()) == {None}
+    assert "between two samples" in planned["hidden"][0]
 
 
 def test_a_plan_names_no_best_test_of_what_none_determines():
@@ -479,7 +631,7 @@ def test_a_plan_expects_the_deviations_of_the_fit(tmp_path):
         assert expected[name] < min(row[name] for row in channels.values())
 
 
-# ------------------------------------------------------------------- 6. files and bad input
+# ------------------------------------------------------------------- 7. files and bad input
 
 
 def test_the_command_reads_own_names_and_writes_a_copy_of_the_scene(dockloop, tmp_path):
@@ -590,6 +742,7 @@ def test_a_copy_has_what_all_tests_share_and_the_rest_is_named(tmp_path, capsys)
 @pytest.mark.parametrize(
     ("words", "refusal"),
     [
+        (["--vary", K, "1e4", "4e4", "--plan", "--profile"], ["--profile", "plan"]),
         (["--vary", K, "1e4", "4e4", "--cases", "200000"], ["--cases", "200000", "100000"]),
         (["--vary-each", K, "1e4", "4e4", "--cases", "9"], ["--cases", "--vary"]),
         (["--vary", K, "1e4", "4e4", "--apply", "new.toml"], [K, "cannot be set in this file"]),
@@ -704,7 +857,7 @@ def test_bad_input_is_refused_in_one_sentence(tmp_path, monkeypatch, change, wor
         assert word in str(error.value)
 
 
-# ----------------------------------------------------------------------- 7. dockings with legs
+# ----------------------------------------------------------------------- 8. dockings with legs
 
 LEGS, FRICTION = "mechanism.set.leg_defaults.damping", "friction.coefficient"
 HARDWARE = {LEGS: 1300.0, FRICTION: 0.16}
@@ -743,6 +896,24 @@ def test_a_fit_of_a_docking_takes_few_runs(tmp_path, docked, second, most):
     assert abs(shift["value"] + CLOCK) < 3.0 * shift["deviation"]
     assert found.summary["starts"] == {"captured": 1}  # no doubt, so no other start
     assert found.summary["runs"] <= most
+
+
+def test_four_parameters_of_three_dockings_take_few_runs(tmp_path):
+    """Twenty-two points of three tests: some 8 s of processor."""
+    spring, offset = "mechanism.set.leg_defaults.stiffness", "initial.lateral_offset"
+    hardware = {LEGS: 1300.0, spring: 1900.0, SLIDING: 0.16}
+    data = []
+    for seed, speed in enumerate((0.05, 0.06, 0.08)):
+        run = dl.run("idss_25t_350t", overrides={**hardware, SPEED: speed}, stop=6, step=2e-3)
+        names = ["relative.axial", "relative.lateral"]
+        file = write_docking(tmp_path / f"{seed}.csv", run, names, seed)
+        data.append({"file": str(file), "set": {SPEED: speed}})
+    ranges = {LEGS: (200.0, 3000.0), spring: (500.0, 1e4), SLIDING: (0.0, 0.4), offset: (0.0, 0.1)}
+    found = dl.fit("idss_25t_350t", data, ranges, stop=6)
+    for name, value in {**hardware, offset: 0.05}.items():
+        assert_found(found, name, value)
+    assert not found.summary["hidden"]
+    assert found.summary["runs"] <= 80
 
 
 def test_a_load_with_impacts_alone_ends_in_no_false_valley(tmp_path, docked):
@@ -804,7 +975,17 @@ def test_a_search_goes_around_what_is_refused(tmp_path, speed, ends):
     assert not found.summary["hidden"]
 
 
-# ------------------------------------------------------------------------------ 8. 32 digits
+def test_a_search_compares_what_it_found_with_runs_of_another_length(tmp_path):
+    """A first result in doubt, whose runs ended with the data; those of the next starts do not."""
+    rig = write_rig(tmp_path / "rig.csv", speed=0.02)
+    vary = {SPEED: (-0.15, 0.15), **RANGES}
+    found = fit(rig, vary=vary, columns="capture.compression=", starts=3)
+    assert sum(found.summary["starts"].values()) == 3
+    for name, value in ((SPEED, 0.02), (K, STIFFNESS), (C, DAMPING)):
+        assert_found(found, name, value)
+
+
+# ------------------------------------------------------------------------------ 9. 32 digits
 
 OFFSETS = {"capture.compression": 150.0, "relative.lateral": 5e-3}  # N, m
 SLIDING = "contact.friction_coefficient"

@@ -32,22 +32,27 @@ MODEL = f"""<mujoco>
 </mujoco>"""
 
 
-def main():
-    """Print the table."""
+def simulate():
+    """Yield time [s], distance [m], its rate [m/s] and force [N], as they are."""
     model = mujoco.MjModel.from_xml_string(MODEL)
     data = mujoco.MjData(model)
     data.qvel[0] = SPEED
-    draw = np.random.default_rng(2026)
-    print("time [s],relative.axial [mm],relative.velocity[1] [mm/s],capture.force[1] [N]")
     every = round(SAMPLE / model.opt.timestep)
     for _ in range(round(END / SAMPLE)):
         mujoco.mj_forward(model, data)
         gap = data.qpos[1] - data.qpos[0] + SPEED * APPROACH
-        speed, force = data.qvel[1] - data.qvel[0], TARGET * data.qacc[1]
+        yield data.time, gap, data.qvel[1] - data.qvel[0], TARGET * data.qacc[1]
+        mujoco.mj_step(model, data, every)
+
+
+def main():
+    """Print the table."""
+    draw = np.random.default_rng(2026)
+    print("time [s],relative.axial [mm],relative.velocity[1] [mm/s],capture.force[1] [N]")
+    for time, gap, speed, force in simulate():
         noise = draw.normal(size=3) * NOISE
         row = (1e3 * gap + noise[0], 1e3 * speed + noise[1], 1.02 * force + noise[2])
-        print(f"{data.time + OFFSET:.3f},{row[0]:.2f},{row[1]:.2f},{row[2]:.1f}")
-        mujoco.mj_step(model, data, every)
+        print(f"{time + OFFSET:.3f},{row[0]:.2f},{row[1]:.2f},{row[2]:.1f}")
 
 
 if __name__ == "__main__":

@@ -41,6 +41,8 @@ def add_options(command: Command) -> None:
     text = "most starts of the search; all but one are for a result in doubt (default: 8)"
     command.add_option("--starts", "N", text, type=whole, default=8)
     command.add_option("--seed", "N", "of these (default: 0)", type=whole, default=0)
+    text = "hold one of the worst pair of parameters at other values, and fit all others again"
+    command.add_flag("--profile", text)
     command.add_flag(
         "--plan",
         "before measuring: which test of the lists DATA would say most about which parameter",

@@ -121,6 +121,7 @@ def fit(
     starts: int = 8,
     seed: int = 0,
     accuracy: float | None = None,
+    profile: bool = False,
     output: str | Path | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
@@ -152,6 +153,7 @@ def fit(
         starts: of the search, at most; all but one are for a result in doubt.
         seed: of these.
         accuracy: wanted relative error of the runs; default: 1e-6.
+        profile: show how fast other values of the worst pair meet the measurements worse.
         output: the journal is kept next to this file; default: it is not kept.
         workers: threads; default: one per processor.
         scheduler: address of a Dask scheduler to use instead.
@@ -167,10 +169,8 @@ def fit(
         {"vary": vary, "vary_each": vary_each},
         experiment=make_experiment(stop, step), accuracy=accuracy,
         columns=_as_names(columns), form=csv, noise=noise or {},
-        sensors=Sensors(
-            filters or {}, _as_names(offsets), _as_names(scales), shift, rate_limits or {}
-        ),
-        loss=loss, starts=starts, seed=seed,
+        sensors=_make_sensors(filters, offsets, scales, shift, rate_limits),
+        loss=loss, starts=starts, seed=seed, is_profiled=profile,
     )  # fmt: skip
     with scratch() as folder:
         journal = (as_path("-o", output) if output else folder / "fit").with_suffix(".jsonl")
@@ -184,11 +184,16 @@ def plan_fit(
     tests: Any,
     vary: Mapping[str, tuple[float, float]],
     *,
+    vary_each: Mapping[str, tuple[float, float]] | None = None,
     overrides: Mapping[str, Any] | None = None,
     start_values: Mapping[str, Any] | None = None,
     stop: float | None = None,
     step: float | None = None,
     noise: Mapping[str, float] | None = None,
+    filters: Mapping[str, float] | None = None,
+    rate_limits: Mapping[str, float] | None = None,
+    offsets: str | Sequence[str] = (),
+    scales: str | Sequence[str] = (),
     shift: float | None = None,
     accuracy: float | None = None,
     workers: int | None = None,
@@ -199,11 +204,16 @@ def plan_fit(
         scene: as for `fit`.
         tests: path of a TOML list of tests, or the members of tests, with ``set`` and ``noise``.
         vary: as for `fit`; derivatives are those at the values of the scene.
+        vary_each: as for `fit`.
         overrides: as for `fit`.
         start_values: as for `fit`.
         stop: as for `fit`.
         step: time between two samples [s]; default: that of the scene.
         noise: channels of all tests with their standard deviations.
+        filters: as for `fit`.
+        rate_limits: as for `fit`.
+        offsets: as for `fit`.
+        scales: as for `fit`.
         shift: as for `fit`.
         accuracy: as for `fit`.
         workers: threads.
@@ -212,10 +222,10 @@ def plan_fit(
         What ``dockloop fit --plan --json`` prints.
     """
     order = _make_order(
-        scene, tests, (overrides, start_values), {"vary": vary},
+        scene, tests, (overrides, start_values), {"vary": vary, "vary_each": vary_each},
         experiment=make_experiment(stop, step), accuracy=accuracy,
         noise=noise or {},
-        sensors=Sensors(shift=shift), is_plan=True,
+        sensors=_make_sensors(filters, offsets, scales, shift, rate_limits), is_plan=True,
     )  # fmt: skip
     with scratch() as folder:
         return report.summarise_plan(work(order, folder / "plan.jsonl", workers=workers))
@@ -243,6 +253,16 @@ def _make_order(
         for name, ends in (table or {}).items()
     ]
     return Order(reference, tests, wanted, _choose_accuracy(merged, accuracy), **more)
+
+
+def _make_sensors(
+    filters: Mapping[str, float] | None,
+    offsets: str | Sequence[str],
+    scales: str | Sequence[str],
+    shift: float | None,
+    rate_limits: Mapping[str, float] | None,
+) -> Sensors:
+    return Sensors(filters or {}, _as_names(offsets), _as_names(scales), shift, rate_limits or {})
 
 
 def _as_names(names: str | Sequence[str]) -> tuple[str, ...]:
@@ -282,7 +302,7 @@ def run_command(options: argparse.Namespace) -> dict[str, Any]:
     output = options.output or paths.RESULTS / "fits" / name / f"{WORK}.json"
     if output.suffix != ".json":
         raise UsageError(f"-o {output}: must end in .json")
-    for member in ("apply", "cases"):
+    for member in ("apply", "cases", "profile"):
         if options.plan and getattr(options, member):
             raise UsageError(f"--{member}: a plan has no fitted numbers: leave it or --plan out")
     figure, page, copy = output.with_suffix(".png"), find_html(output), options.apply
@@ -354,6 +374,7 @@ def _read_order(options: argparse.Namespace) -> Order:
         options.starts,
         options.seed,
         options.plan,
+        options.profile,
     )
 
 

@@ -18,6 +18,7 @@ from dockloop.scene.resolve import PATHS, is_scene_key
 from dockloop.scene.values import as_setting
 from dockloop.studies.fits.plan import Planned, plan
 from dockloop.studies.fits.problem import Problem, Sensors, Vary
+from dockloop.studies.fits.profile import Profile, find_profile
 from dockloop.studies.fits.search import Found, find_fit
 from dockloop.studies.fits.statistics import PENALTIES
 from dockloop.studies.fits.trials import Trial, check_noise, list_trials, read_trials
@@ -54,6 +55,7 @@ class Order:
         starts: of the search, at most.
         seed: of these.
         is_plan: tests are planned; there are no data.
+        is_profiled: the worst pair gets a profile.
     """
 
     scene: str
@@ -69,6 +71,7 @@ class Order:
     starts: int = 8
     seed: int = 0
     is_plan: bool = False
+    is_profiled: bool = False
 
 
 @dataclass
@@ -80,6 +83,7 @@ class Fitted:
     own: Sequence[float | None]
     units: Sequence[str]
     found: Found | Planned
+    profile: Profile | None
     ran: int
     seconds: float
 
@@ -126,6 +130,7 @@ def work(
         accuracy=accuracy, is_open=_is_open(order, trials), report=show,
     )  # fmt: skip
     parts, units = zip(*(own[parameter.vary.name] for parameter in problem.parameters), strict=True)
+    profile = None
     with campaign.at_work():
         if order.is_plan:
             found: Found | Planned = plan(problem, parts)
@@ -133,11 +138,14 @@ def work(
             found = find_fit(
                 problem, parts, starts=order.starts, seed=order.seed, loss=order.loss, report=say
             )
+            if order.is_profiled:
+                say("profile")
+                profile = find_profile(problem, found, order.loss)
         kept.finish()
     if progress:
         progress(1.0)
     seconds = time.perf_counter() - began
-    return Fitted(order, problem, parts, units, found, campaign.ran, seconds)
+    return Fitted(order, problem, parts, units, found, profile, campaign.ran, seconds)
 
 
 def check_count(order: Order, count: int) -> None:
@@ -281,7 +289,7 @@ def _means(given: str, name: str) -> bool:
 
 def _choose_step(order: Order, planner: Planner, trials: Sequence[Trial]) -> None:
     """Let runs have as many points as the data, unless the step is given."""
-    if "step" in order.experiment:
+    if "step" in order.experiment or order.is_plan:  # samples of a plan are points of its runs
         return
     times = planner.times
     steps = [float(np.median(np.diff(t.data.time))) for t in trials if t.data is not None]

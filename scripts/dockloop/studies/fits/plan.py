@@ -1,10 +1,11 @@
 """Before measuring: which test would say most about which parameter.
 
 The information of a test is J'J of its channels over their stated noise, at the values of the
-scene, without what its unknown time shift takes away. Information of tests adds up. Next to it
-every parameter may be anywhere within its range, with the deviation of that.
+scene, without what its unknown time shift takes away. Information of tests adds up. What is not
+identified is what a fit would call so.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,25 +13,28 @@ import numpy as np
 
 from dockloop.base.errors import DockloopError, UsageError
 from dockloop.studies.fits.problem import Problem
-from dockloop.studies.fits.statistics import GUESS
+from dockloop.studies.fits.statistics import Estimate, estimate
 
 
 @dataclass
 class Planned:
-    """Expected information.
+    """Expected uncertainty.
 
     Attributes:
-        alone: deviations of the parameters from one test, parts of the ranges, shape (tests,
-            parameters).
-        channels: the same by test and channel: shape (parameters,) each.
+        x: the vector with the values of the scene.
+        alone: from one test, for each.
+        channels: the same by test and channel.
         order: tests, the one that says most first, then the one that adds most to it, ...
-        together: deviations from the tests so far, in this order, shape (tests, parameters).
+        together: from the tests so far, in this order.
+        changes: sentences on outcomes that change within one difference.
     """
 
-    alone: np.ndarray
-    channels: dict[tuple[int, str], np.ndarray]
+    x: np.ndarray
+    alone: list[Estimate]
+    channels: dict[tuple[int, str], Estimate]
     order: list[int]
-    together: np.ndarray
+    together: list[Estimate]
+    changes: list[str]
 
 
 def plan(problem: Problem, own: Sequence[float | None]) -> Planned:
@@ -52,49 +56,39 @@ def plan(problem: Problem, own: Sequence[float | None]) -> Planned:
             )
     x = np.zeros(problem.size)
     x[: len(own)] = [0.5 if part is None else part for part in own]
-    trials = problem.list_trials(held=None)
+    trials = problem.list_trials()
     problem.run([problem.make_case(x, k) for k in trials])
     for k in trials:
         if isinstance(run := problem.get_run(x, k), str):
             raise DockloopError(f"test '{problem.trials[k].name}': {run}")
     problem.weigh(x, trials, is_robust=False)
+    for series in problem.series:  # there are no data to take it from
+        series.extent = float(np.ptp(problem.get_run(x, series.trial)[series.name]))
     jacobian = problem.calc_jacobian(x, trials, is_central=True)
-    rows = dict(enumerate(problem.split(jacobian, trials)))
-    channels = {
-        (series.trial, series.name): _inform(rows[i], len(own))
-        for i, series in enumerate(problem.series)
-    }
-    information = [
-        _inform(
-            np.vstack([rows[i] for i, s in enumerate(problem.series) if s.trial == k]), len(own)
-        )
-        for k in trials
-    ]
-    left, total, order, together = list(trials), np.zeros((len(own),) * 2), [], []
+    rows = problem.split(jacobian, trials)
+    floors = [problem.find_resolution([series]) for series in problem.series]
+
+    def expect(chosen: Sequence[int]) -> Estimate:
+        """Return what some channels would say: nothing, if all have impacts between samples."""
+        missed = all(problem.series[i].misses_impacts for i in chosen)
+        floor = math.inf if missed else float(np.linalg.norm([floors[i] for i in chosen]))
+        return estimate(np.vstack([rows[i] for i in chosen]), len(own), 1.0, floor)
+
+    def choose(tests: Sequence[int]) -> list[int]:
+        return [i for i, series in enumerate(problem.series) if series.trial in tests]
+
+    left, order, together = list(trials), list[int](), list[Estimate]()
     while left:
-        best = max(left, key=lambda k: np.linalg.slogdet(_add_guess(total + information[k]))[1])
-        total = total + information[best]
+        made = {k: expect(choose([*order, k])) for k in left}
+        best = min(left, key=lambda k: made[k].log_volume)
         left.remove(best)
         order.append(best)
-        together.append(_find_deviations(total))
+        together.append(made[best])
     return Planned(
-        np.array([_find_deviations(each) for each in information]),
-        {key: _find_deviations(each) for key, each in channels.items()},
+        x,
+        [expect(choose([k])) for k in trials],
+        {(series.trial, series.name): expect([i]) for i, series in enumerate(problem.series)},
         order,
-        np.array(together),
+        together,
+        problem.list_changes(x),
     )
-
-
-def _inform(jacobian: np.ndarray, count: int) -> np.ndarray:
-    """Return the information on the parameters, all other unknowns taken out."""
-    own, others = jacobian[:, :count], jacobian[:, count:]
-    rest = own - others @ np.linalg.lstsq(others, own, rcond=None)[0]
-    return rest.T @ rest
-
-
-def _add_guess(information: np.ndarray) -> np.ndarray:
-    return information + np.eye(len(information)) / GUESS**2
-
-
-def _find_deviations(information: np.ndarray) -> np.ndarray:
-    return np.sqrt(np.diag(np.linalg.inv(_add_guess(information))))

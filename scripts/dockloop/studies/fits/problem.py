@@ -255,10 +255,11 @@ class Problem:
                 self.ends[k] = end
                 self._slopes.pop(k, None)
 
-    def lengthen(self) -> None:
-        """Let runs go on to their stop."""
-        self.ends.clear()
-        self._slopes.clear()
+    def lengthen(self, ends: Mapping[int, float] = {}) -> None:
+        """Let runs go on to their stop, or those of some tests to given ends."""
+        if self.ends != ends:
+            self.ends = dict(ends)
+            self._slopes.clear()
 
     def is_short(self, x: np.ndarray) -> bool:
         """Return whether data go on behind the end of a run that was cut."""
@@ -565,6 +566,11 @@ class Problem:
         for s in self.series:
             sigma = _FAR * s.extent if s.noise is None else s.noise
             s.sigma = np.full(len(s.time), sigma)
+
+    def find_resolution(self, chosen: Sequence[Series]) -> float:
+        """Return the singular value of derivatives of channels that errors of differences have."""
+        extents = np.concatenate([series.extent / series.sigma for series in chosen])
+        return self.accuracy / (2.0 * self.step) * float(np.linalg.norm(extents))
 
     def find_floor(self, name: str) -> float:
         """Return the standard deviation of a channel below which errors of runs decide."""

@@ -15,17 +15,18 @@ from dockloop.base.tables import say_form
 from dockloop.report.parts import describe_base, show_figure
 from dockloop.studies.fits.plan import Planned
 from dockloop.studies.fits.problem import Problem, Series
+from dockloop.studies.fits.profile import choose_pair
 from dockloop.studies.fits.search import MANY, Found
-from dockloop.studies.fits.statistics import GUESS, QUANTILE, describe_direction
+from dockloop.studies.fits.statistics import GUESS, QUANTILE, Estimate, describe_direction
 from dockloop.sweeps.fitted import COMMAND
 
 if TYPE_CHECKING:
     from dockloop.studies.fits.order import Fitted
 
 _MOST_PANELS = 12
+_ELLIPSE = 2.4477  # radius that holds 95 % of two normal parameters, in deviations
 _STRONG = 0.9  # correlation that is said
 _AT_BOUND, _ON_BOUND = 2e-3, 1e-4  # of the range: if uncertain by that, and in any case
-_DETERMINED = 0.9  # of the deviation of a guess: what a plan expects below is determined
 
 
 def summarise_fit(fitted: "Fitted") -> dict[str, Any]:
@@ -35,7 +36,6 @@ def summarise_fit(fitted: "Fitted") -> dict[str, Any]:
     labels = [parameter.label for parameter in problem.parameters]
     values, deviations = _list_values(problem, found)
     made = found.estimate
-    directions = [describe_direction(axis, labels) for axis in made.directions]
     return {
         **_begin(fitted),
         "values": values,
@@ -55,7 +55,7 @@ def summarise_fit(fitted: "Fitted") -> dict[str, Any]:
             a: {b: _as_number(made.correlations[i, j]) for j, b in enumerate(labels)}
             for i, a in enumerate(labels)
         },
-        "not_identified": [{"parameters": n, "sentence": s} for n, s in directions],
+        "not_identified": _describe_directions(made, labels),
         "singular_values": made.singular.tolist(),
         "residuals": _describe_residuals(problem, found),
         "hidden": list(_list_hidden(problem, found)),
@@ -67,6 +67,24 @@ def summarise_fit(fitted: "Fitted") -> dict[str, Any]:
         "outcome_changes": found.changes,
         "loss": fitted.order.loss,
         "covariance": made.covariance[: len(labels), : len(labels)].tolist(),
+        "worst_pair": [labels[i] for i in choose_pair(made)],
+        "profile": _describe_profile(fitted) if fitted.profile else None,
+    }
+
+
+def _describe_profile(fitted: "Fitted") -> dict[str, Any]:
+    """Return the profile in units: values of all parameters at its points."""
+    parameters, profile = fitted.problem.parameters, fitted.profile
+    assert profile
+    held = parameters[profile.pair[0]].vary
+    return {
+        "parameters": [parameters[i].label for i in profile.pair],
+        "values": {
+            p.label: [p.vary.value(part) for part in profile.points[:, i]]
+            for i, p in enumerate(parameters)
+        },
+        "rise": profile.rise.tolist(),
+        "interval": [None if math.isnan(end) else held.value(end) for end in profile.interval],
     }
 
 
@@ -75,33 +93,47 @@ def summarise_plan(fitted: "Fitted") -> dict[str, Any]:
     problem, found = fitted.problem, fitted.found
     assert isinstance(found, Planned)
 
-    def name(deviations: np.ndarray) -> dict[str, float]:
-        return {
-            p.label: float(by * (p.vary.high - p.vary.low))
-            for p, by in zip(problem.parameters, deviations, strict=True)
-        }
+    labels = [parameter.label for parameter in problem.parameters]
+    spans = [p.vary.high - p.vary.low for p in problem.parameters]
+
+    def name(deviations: np.ndarray) -> dict[str, float | None]:
+        return dict(zip(labels, map(_as_number, deviations * spans), strict=True))
 
     trials = [trial.name for trial in problem.trials]
+    alone = np.array([made.deviations for made in found.alone])
     return {
         **_begin(fitted),
-        "guess": name(np.full(len(problem.parameters), GUESS)),
+        "guess": name(np.full(len(labels), GUESS)),
         "by_test": {
             trial: {
-                "deviations": name(found.alone[k]),
-                "channels": {c: name(d) for (of, c), d in found.channels.items() if of == k},
+                "deviations": name(made.deviations),
+                "not_identified": _describe_directions(made, labels),
+                "channels": {
+                    c: name(by.deviations) for (of, c), by in found.channels.items() if of == k
+                },
+                "outcome": problem.compare_outcome(found.x, k),
             }
-            for k, trial in enumerate(trials)
+            for k, (trial, made) in enumerate(zip(trials, found.alone, strict=True))
         },
         "order": [
-            {"test": trials[k], "deviations": name(deviations)}
-            for k, deviations in zip(found.order, found.together, strict=True)
+            {"test": trials[k], "deviations": name(made.deviations)}
+            for k, made in zip(found.order, found.together, strict=True)
         ],
         "best": {
-            p.label: trials[int(np.argmin(found.alone[:, j]))]
-            for j, p in enumerate(problem.parameters)
-            if np.min(found.alone[:, j]) < _DETERMINED * GUESS
+            label: trials[int(np.nanargmin(alone[:, j]))]
+            for j, label in enumerate(labels)
+            if not np.isnan(alone[:, j]).all()
         },
+        "not_identified": _describe_directions(found.together[-1], labels),
+        "hidden": list(_list_missed(problem)),
+        "outcome_changes": found.changes,
     }
+
+
+def _describe_directions(made: Estimate, labels: Sequence[str]) -> list[dict[str, Any]]:
+    """Return what data do not determine: parameters and a sentence for each direction."""
+    described = (describe_direction(axis, labels) for axis in made.directions)
+    return [{"parameters": names, "sentence": sentence} for names, sentence in described]
 
 
 def _begin(fitted: "Fitted") -> dict[str, Any]:
@@ -193,14 +225,19 @@ def _find_rms(error: np.ndarray) -> float | None:
     return _as_number(float(np.sqrt(np.mean(error**2)))) if len(error) else None
 
 
-def _list_hidden(problem: Problem, found: Found) -> Iterator[str]:
-    """Yield sentences on what the residuals hide, or on why that is not known."""
+def _list_missed(problem: Problem) -> Iterator[str]:
+    """Yield sentences on tests that are sampled too slowly."""
     for number in problem.list_trials():
         if all(series.misses_impacts for series in problem.choose([number])):
             yield (
                 f"every channel of '{problem.trials[number].name}' has impacts between two samples,"
                 " which make false valleys: sample faster, or fit a channel of the motion too"
             )
+
+
+def _list_hidden(problem: Problem, found: Found) -> Iterator[str]:
+    """Yield sentences on what the residuals hide, or on why that is not known."""
+    yield from _list_missed(problem)
     for series, judged, band in zip(problem.series, found.judged, found.bands, strict=True):
         channel = f"{series.name} in '{problem.trials[series.trial].name}'"
         if np.isnan(band).all():
@@ -246,6 +283,7 @@ def report_fit(summary: dict[str, Any]) -> list[Section]:
         Section(f"Fit of {summary['scene']}", table=[FACTS, *_list_facts(summary)]),
         Section("Parameters", table=[heads, *rows]),
         Section("What to know", points=list(_list_points(summary))),
+        *_report_profile(summary),
         *_report_residuals(summary),
         Section("Unknowns of tests", table=[("test", "unknown", "value", "deviation"), *(
             (test, name, each["value"], each["deviation"])
@@ -271,8 +309,7 @@ def _list_facts(summary: dict[str, Any]) -> Iterator[tuple[str, str]]:
 
 def _list_points(summary: dict[str, Any]) -> Iterator[str]:
     """Yield what a user must know."""
-    for each in summary["not_identified"]:
-        yield f"not identified: {each['sentence']}"
+    yield from (f"not identified: {each}" for each in _list_blind(summary))
     for name in summary["at_bound"]:
         yield f"{name} is at a bound of its range: widen the range, or doubt the model"
     names = list(summary["values"])
@@ -281,16 +318,53 @@ def _list_points(summary: dict[str, Any]) -> Iterator[str]:
             value = summary["correlations"][a][b]
             if value is not None and abs(value) > _STRONG:
                 yield f"{b} and {a} are correlated by {value:+.2f}: read their deviations together"
-    for name, row in summary["by_test"].items():
-        if row["outcome"].get("agrees") is False:
-            measured, computed = (row["outcome"][side] for side in ("measured", "computed"))
-            yield f"outcome of '{name}': measured {measured}, with the fitted numbers {computed}"
-    yield from (
-        f"outcome: {each}: no difference is taken across" for each in summary["outcome_changes"]
-    )
+    yield from _list_outcomes(summary, "with the fitted numbers")
     if reasons := summary["not_done"]:
         yield f"{len(reasons)} runs were not done, and the search went around: {reasons[0]}"
     yield from summary["hidden"]
+
+
+def _report_profile(summary: dict[str, Any]) -> Iterator[Section]:
+    """Yield how fast other values of the worst pair meet the measurements worse."""
+    if not (profile := summary["profile"]):
+        return
+    first, *_ = pair = profile["parameters"]
+    value, by = summary["values"][first], summary["deviations"][first]
+    columns = [profile["values"][name] for name in pair]
+    rows = [
+        (
+            *(f"{each:.6g}" for each in row),
+            f"{rise:.3g}",
+            "" if by is None else f"{((row[0] - value) / by) ** 2:.3g}",
+        )
+        for *row, rise in zip(*columns, profile["rise"], strict=True)
+    ]
+    low, high = profile["interval"]
+    unit = _say_unit(summary["units"][first])
+    ends = (
+        "no lower bound" if low is None else f"from {low:.5g} {unit}".rstrip(),
+        "no upper bound" if high is None else f"to {high:.5g} {unit}".rstrip(),
+    )
+    yield Section(
+        f"Profile of {' and '.join(pair)}",
+        points=[f"95 % of {first} by the profile: {', '.join(ends)}"],
+        table=[(*pair, "rise of misfit", "if linear"), *rows],
+    )
+
+
+def _list_blind(row: dict[str, Any]) -> list[str]:
+    return [each["sentence"] for each in row["not_identified"]]
+
+
+def _list_outcomes(summary: dict[str, Any], numbers: str) -> Iterator[str]:
+    """Yield which outcomes are others than the stated ones, and which change close by."""
+    for name, row in summary["by_test"].items():
+        if row["outcome"].get("agrees") is False:
+            measured, computed = (row["outcome"][side] for side in ("measured", "computed"))
+            yield f"outcome of '{name}': measured {measured}, {numbers} {computed}"
+    yield from (
+        f"outcome: {each}: no difference is taken across" for each in summary["outcome_changes"]
+    )
 
 
 def _report_residuals(summary: dict[str, Any]) -> Iterator[Section]:
@@ -313,17 +387,15 @@ def _report_plan(summary: dict[str, Any]) -> list[Section]:
     units = summary["units"]
     heads = [f"{n} [{_say_unit(units[n])}]" if _say_unit(units[n]) else n for n in names]
 
-    def list_cells(row: dict[str, float]) -> list[str]:
-        return [
-            f"{row[n]:.3g}" if row[n] < _DETERMINED * summary["guess"][n] else "not determined"
-            for n in names
-        ]
+    def list_cells(row: dict[str, float | None]) -> list[str]:
+        return ["not determined" if (by := row[n]) is None else f"{by:.3g}" for n in names]
 
     alone = [
-        (test, "all", *list_cells(row["deviations"])) for test, row in summary["by_test"].items()
+        (test, "all", *list_cells(row["deviations"]), row["outcome"]["computed"])
+        for test, row in summary["by_test"].items()
     ]
     channels = [
-        (test, channel, *list_cells(deviations))
+        (test, channel, *list_cells(deviations), "")
         for test, row in summary["by_test"].items()
         for channel, deviations in row["channels"].items()
         if len(row["channels"]) > 1
@@ -332,15 +404,24 @@ def _report_plan(summary: dict[str, Any]) -> list[Section]:
         (i, row["test"], *list_cells(row["deviations"]))
         for i, row in enumerate(summary["order"], 1)
     ]
-    best = [f"{test} says most about {name}" for name, test in summary["best"].items()]
+    points = [f"{test} says most about {name}" for name, test in summary["best"].items()]
+    points += (f"not identified, by all together: {each}" for each in _list_blind(summary))
+    points += (
+        f"not identified, by {test} alone: {each['sentence']}"
+        for test, row in summary["by_test"].items()
+        for each in row["not_identified"]
+        if len(each["parameters"]) > 1 < len(summary["by_test"])  # the table has the others
+    )
+    points += [*_list_outcomes(summary, "with the values of the scene"), *summary["hidden"]]
     facts = [
         ("expected", "standard deviations at the values of the scene"),
         ("runs", f"{summary['runs']} in {summary['seconds']:.1f} s"),
         *list_files(summary.get("files", [])),
     ]
+    first = ("test", "channel")
     return [
-        Section(f"Plan of tests of {summary['scene']}", points=best, table=[FACTS, *facts]),
-        Section("One test alone", table=[("test", "channel", *heads), *alone, *channels]),
+        Section(f"Plan of tests of {summary['scene']}", points=points, table=[FACTS, *facts]),
+        Section("One test alone", table=[(*first, *heads, "outcome"), *alone, *channels]),
         Section("In this order", table=[("number", "test", *heads), *order]),
     ]
 
@@ -374,25 +455,27 @@ def complete_report(
 
 
 def draw_fit(fitted: "Fitted") -> Any:
-    """Return the figure: every channel with its band, and its residuals over the noise."""
+    """Return the figure: every channel with its band and its residuals, then the profile."""
     from matplotlib.figure import Figure
 
     problem, found = fitted.problem, fitted.found
     assert isinstance(found, Found)
     chosen = list(zip(problem.series, found.bands, strict=True))[:_MOST_PANELS]
-    figure = Figure(figsize=(11, 1.0 + 2.2 * len(chosen)), layout="constrained")
-    panels = figure.subplots(len(chosen), 2, squeeze=False, width_ratios=(2, 1))
-    for (left, right), (series, band) in zip(panels, chosen, strict=True):
+    rows = len(chosen) + (fitted.profile is not None)
+    figure = Figure(figsize=(11, 1.0 + 2.2 * rows), layout="constrained")
+    panels = figure.subplots(rows, 2, squeeze=False, width_ratios=(2, 1))
+    for (left, right), (series, band) in zip(panels, chosen, strict=False):
         trial = problem.trials[series.trial]
         time = series.time + problem.find_unknown(found.x, series, "shift")
         fitted_to = series.values + _find_error(problem, found.x, series)
-        left.fill_between(time, fitted_to - band, fitted_to + band, color=SKY, alpha=0.5,
-                          label="95 % band")  # fmt: skip
         left.plot(time, series.values, ".", markersize=2, color="0.35", label="measured")
         if found.before is not None:
             before = series.values + _find_error(problem, found.before, series)
             left.plot(time, before, "--", linewidth=0.9, color=GREY, label="scene")
         left.plot(time, fitted_to, linewidth=0.9, color=VERMILION, label="fitted")
+        left.set_ylim(left.get_ylim())  # next to an impact the band is wide
+        left.fill_between(time, fitted_to - band, fitted_to + band, color=SKY, alpha=0.5,
+                          label="95 % band")  # fmt: skip
         unit = problem.planner.variables[series.name].unit.replace(".", " ")
         left.set_ylabel(f"{series.name} [{unit}]", fontsize="small")
         held = ", held back" if trial.is_held else ""
@@ -401,7 +484,48 @@ def draw_fit(fitted: "Fitted") -> Any:
         right.set_title("residual over noise", fontsize="small")
         for panel in (left, right):
             panel.grid(alpha=0.3)
-    panels[-1][0].set_xlabel("time of the run [s]")
+    panels[len(chosen) - 1][0].set_xlabel("time of the run [s]")
+    if fitted.profile:
+        _draw_profile(fitted, *panels[-1])
     panels[0][0].legend(loc="best", fontsize="x-small")
     figure.suptitle(problem.planner.base["title"], fontsize="medium")
     return figure
+
+
+def _draw_profile(fitted: "Fitted", left: Any, right: Any) -> None:
+    """Draw the way of the pair over the ellipse of its covariance, and the rise of the misfit."""
+    problem, found, profile = fitted.problem, fitted.found, fitted.profile
+    assert isinstance(found, Found)
+    assert profile
+    pair = profile.pair
+    varies = [problem.parameters[i].vary for i in pair]
+    labels = [problem.parameters[i].label for i in pair]
+    first, *second = (
+        [vary.value(part) for part in profile.points[:, i]]
+        for i, vary in zip(pair, varies, strict=True)
+    )
+    spread = found.estimate.covariance[np.ix_(pair, pair)]
+    is_known = not np.isnan(found.estimate.deviations[pair]).any()
+    if second and is_known:
+        turn = np.linspace(0.0, 2.0 * np.pi, 121)
+        circle = np.array([np.cos(turn), np.sin(turn)])
+        edge = found.x[pair, None] + _ELLIPSE * np.linalg.cholesky(spread) @ circle
+        ends = ([vary.value(e) for e in row] for vary, row in zip(varies, edge, strict=True))
+        left.plot(*ends, color=SKY, label="95 % by covariance")
+    if second:
+        left.plot(first, *second, ".-", color=VERMILION, label="profile")
+        left.set_ylabel(labels[1], fontsize="small")
+        left.legend(loc="best", fontsize="x-small")
+    else:
+        left.set_axis_off()
+    right.plot(first, profile.rise, ".-", color=VERMILION, label="profile")
+    if is_known:
+        fine = np.linspace(profile.points[0, pair[0]], profile.points[-1, pair[0]], 61)
+        linear = (fine - found.x[pair[0]]) ** 2 / spread[0, 0]
+        right.plot([varies[0].value(part) for part in fine], linear, color=SKY, label="if linear")
+    right.axhline(QUANTILE**2, linestyle="--", linewidth=0.9, color=GREY, label="95 %")
+    right.set_title("rise of misfit", fontsize="small")
+    right.legend(loc="best", fontsize="x-small")
+    for panel in (left, right):
+        panel.set_xlabel(labels[0], fontsize="small")
+        panel.grid(alpha=0.3)

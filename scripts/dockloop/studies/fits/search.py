@@ -3,6 +3,7 @@
 The first start is the scene. If what it leads to does not meet the measurements, other starts
 follow, of a Sobol sequence, since contact makes valleys. Those whose outcomes are the measured ones
 come first. The best two go some steps; the better one goes on if it beats what was found before.
+If one ends in the valley that is known, that is it: the model is wrong rather than the search.
 These steps are for means over time: short impacts that do not overlap with those of the data would
 make valleys, their impulses do not.
 Standard deviations of channels that are not stated follow from the residuals, round by round. A
@@ -17,12 +18,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, lsq_linear
 from scipy.stats import qmc
 
 from dockloop.base.errors import DockloopError, UsageError
 from dockloop.studies.fits.problem import Problem
 from dockloop.studies.fits.statistics import (
+    PENALTIES,
     QUANTILE,
     Estimate,
     estimate,
@@ -33,11 +35,11 @@ from dockloop.studies.fits.statistics import (
 _BEST = 2  # starts that go on
 _COARSE, _FINE = (0.1, 12), (0.0, 10)  # part of the sum of squares, evaluations that end a search
 _MEANS = 0.01  # of the time of a test: standard deviation of what a coarse search averages over
-_CHANGE = 0.01  # of half the sum of squares that ends a search: a tenth of a deviation
+_CHANGE = 0.01  # of half the sum of squares that ends a search: a seventh of a deviation
+_VALLEY = 0.05  # of the ranges: coarse searches that end so close have found the same valley
 _STEP = 1e-5  # of the vector that ends a search
 _HOLD = 1e-3  # residual of a change by all of a range: 1e-6 in the sum of squares
 _ROUNDS = 6  # of estimates of noise, and of derivatives both ways
-_SAME = 0.05  # change of standard deviations that ends the rounds
 MANY = 0.5  # of the samples of a channel: fewer within the run are in doubt
 _INSIDE = 1e-3  # of the range that a start keeps from a bound
 
@@ -54,6 +56,7 @@ class Found:
         judged: of every series: what its residuals look like.
         bands: of every series: half width of the 95 % band of a sample, in its unit; NaN: its noise
             is not known, as no fitted test has this channel.
+        rise: of the sum of squares (of the loss) by one deviation.
         starts: outcomes of the starts, how many of each.
         changes: sentences on outcomes that change within one difference.
     """
@@ -64,6 +67,7 @@ class Found:
     noise: dict[str, float]
     judged: list[dict[str, Any]]
     bands: list[np.ndarray]
+    rise: float
     starts: dict[str, int] = field(default_factory=dict)
     changes: list[str] = field(default_factory=list)
 
@@ -95,6 +99,7 @@ def find_fit(
     points = _list_starts(problem, own, starts, seed)
     counts: Counter[str] = Counter()
     best: tuple[np.ndarray, dict[str, float]] | None = None
+    valley, ends = np.zeros(0), dict[int, float]()  # of the best
     report("search")
     lost: DockloopError | None = None
     for group in (points[:1], points[1:]):
@@ -102,10 +107,10 @@ def find_fit(
             problem.lengthen()
             ranked = _rank(problem, group, counts)[:_BEST]
             problem.cut([*ranked, *([best[0]] if best else [])], fitted)
-            solved = [_solve(problem, start, loss, is_coarse=True) for start in ranked]
-            x = min(solved, key=lambda x: _score(problem, x), default=None)
-            if x is not None and (best is None or _score(problem, x) < _score(problem, best[0])):
+            x = _descend(problem, ranked, loss, best and (best[0], valley))
+            if x is not None:
                 best = _finish(problem, x, loss)
+                valley, ends = x, dict(problem.ends)
         except UsageError as error:  # a shift at which too few samples are left
             lost = lost or error
         if best and not _is_doubtful(problem, *best):
@@ -114,6 +119,7 @@ def find_fit(
         raise lost or DockloopError(
             f"no start can be run, for example: {problem.list_reasons()[0]}"
         )
+    problem.lengthen(ends)
     x = best[0]
     noise = problem.weigh(x, fitted, is_robust=loss != "linear")
     if held:
@@ -159,11 +165,42 @@ def _rank(problem: Problem, points: list[np.ndarray], counts: Counter[str]) -> l
     return ranked
 
 
+def _descend(
+    problem: Problem,
+    starts: list[np.ndarray],
+    loss: str,
+    known: tuple[np.ndarray, np.ndarray] | None,
+) -> np.ndarray | None:
+    """Return where the best coarse search ends; None: nowhere better than what is known.
+
+    One that ends where the known one did ends all: another start found nothing else.
+
+    Args:
+        problem: what is minimised, with the weights of coarse searches.
+        starts: vectors, best first.
+        loss: of residuals.
+        known: what was found before, and where the coarse search ended that led there.
+    """
+    count, ends = len(problem.parameters), list[np.ndarray]()
+    least = _score(problem, known[0]) if known else (len(problem.trials) + 1, 0.0)
+    for start in starts:
+        ends.append(solve(problem, start, loss, is_coarse=True))
+        if (
+            known
+            and np.max(np.abs(ends[-1] - known[1])[:count]) < _VALLEY
+            and _score(problem, ends[-1])[0] >= least[0]
+        ):
+            return None
+    x = min(ends, key=lambda x: _score(problem, x), default=None)
+    return None if x is None or _score(problem, x) >= least else x
+
+
 def _score(problem: Problem, x: np.ndarray) -> tuple[int, float]:
     """Return how many outcomes are not the measured ones, and the sum of squares."""
+    squares = float(np.sum(problem.calc_residuals(x) ** 2))  # makes the runs
     trials = problem.list_trials()
     others = sum(problem.compare_outcome(x, k).get("agrees") is False for k in trials)
-    return others, float(np.sum(problem.calc_residuals(x) ** 2))
+    return others, squares
 
 
 def _finish(problem: Problem, x: np.ndarray, loss: str) -> tuple[np.ndarray, dict[str, float]]:
@@ -181,19 +218,36 @@ def _finish(problem: Problem, x: np.ndarray, loss: str) -> tuple[np.ndarray, dic
 
 def _refine(problem: Problem, x: np.ndarray, loss: str) -> tuple[np.ndarray, dict[str, float]]:
     """Return the vector at a minimum with its own noise, and the noise of channels."""
-    trials, noise = problem.list_trials(), dict[str, float]()
+    trials, is_first = problem.list_trials(), True
     for _ in range(_ROUNDS):
-        old, noise = noise, problem.weigh(x, trials, is_robust=loss != "linear")
-        if old:
-            jacobian = problem.calc_jacobian(x, is_central=True)
-            gain = jacobian @ np.linalg.lstsq(jacobian, problem.calc_residuals(x), rcond=None)[0]
-            is_settled = all(abs(noise[name] / old[name] - 1.0) < _SAME for name in noise)
-            if is_settled and float(gain @ gain) < 2.0 * _CHANGE:
-                break
-        last, x = x, _solve(problem, x, loss)
-        if old and np.array_equal(last, x):
+        noise = problem.weigh(x, trials, is_robust=loss != "linear")
+        if not is_first and _foresee_change(problem, x, noise) < _CHANGE:
             break
+        last, x = x, solve(problem, x, loss)
+        if not is_first and np.array_equal(last, x):
+            break
+        is_first = False
     return x, noise
+
+
+def _foresee_change(problem: Problem, x: np.ndarray, noise: dict[str, float]) -> float:
+    """Return half the square of the way to the minimum, over deviations, to first order.
+
+    Without a wrong model it is by how much half the sum of squares falls. Residuals of a wrong one
+    are alike, so its deviations are larger.
+    """
+    jacobian, residuals = problem.calc_jacobian(x, is_central=True), problem.calc_residuals(x)
+    low, high = _list_bounds(problem)
+    change = jacobian @ lsq_linear(jacobian, -residuals, (low - x, high - x)).x
+    parts = problem.split(change, problem.list_trials())
+    pairs = zip(parts, _judge_series(problem, x, noise), strict=True)
+    return sum(0.5 * float(part @ part) / judged["per_sample"] for part, (judged, _) in pairs)
+
+
+def _list_bounds(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
+    low, high = np.full(problem.size, -np.inf), np.full(problem.size, np.inf)
+    low[: len(problem.parameters)], high[: len(problem.parameters)] = 0.0, 1.0
+    return low, high
 
 
 def _is_doubtful(problem: Problem, x: np.ndarray, noise: dict[str, float]) -> bool:
@@ -207,31 +261,53 @@ def _is_doubtful(problem: Problem, x: np.ndarray, noise: dict[str, float]) -> bo
     )
 
 
-def _solve(problem: Problem, x: np.ndarray, loss: str, *, is_coarse: bool = False) -> np.ndarray:
+def solve(
+    problem: Problem,
+    x: np.ndarray,
+    loss: str,
+    *,
+    is_coarse: bool = False,
+    held: int | None = None,
+) -> np.ndarray:
     """Return the vector at a minimum; a coarse one is that of means over time.
 
     What has no effect stays where it is: without the last rows, steps would be those of no rank.
+
+    Args:
+        problem: what is minimised.
+        x: where the search begins.
+        loss: of residuals.
+        is_coarse: means over time are minimised, roughly.
+        held: an entry of the vector that stays.
     """
-    hold = _HOLD * np.eye(problem.size)
-    low, high = np.full(problem.size, -np.inf), np.full(problem.size, np.inf)
-    low[: len(problem.parameters)], high[: len(problem.parameters)] = 0.0, 1.0
+    free = np.delete(np.arange(problem.size), [] if held is None else held)
+    if not len(free):
+        return x
+    hold = _HOLD * np.eye(len(free))
     counted = sum(np.isfinite(s.sigma).sum() for s in problem.choose(problem.list_trials()))
     end, most = _COARSE if is_coarse else _FINE
+
+    def put(part: np.ndarray) -> np.ndarray:
+        at = x.copy()
+        at[free] = part
+        return at
 
     def smooth(rows: np.ndarray) -> np.ndarray:
         return problem.smooth(rows, _MEANS) if is_coarse else rows
 
-    return least_squares(
-        lambda at: np.append(smooth(problem.calc_residuals(at)), hold @ (at - x)),
-        x,
-        lambda at: np.vstack([smooth(problem.calc_jacobian(at)), hold]),
-        (low, high),
+    low, high = _list_bounds(problem)
+    found = least_squares(
+        lambda at: np.append(smooth(problem.calc_residuals(put(at))), hold @ (at - x[free])),
+        x[free],
+        lambda at: np.vstack([smooth(problem.calc_jacobian(put(at)))[:, free], hold]),
+        (low[free], high[free]),
         loss=loss,
         ftol=max(end, 2.0 * _CHANGE / counted),
         xtol=_STEP,
         gtol=None,
         max_nfev=most,
-    ).x
+    )
+    return put(found.x)
 
 
 def _judge_series(
@@ -272,9 +348,9 @@ def _judge(problem: Problem, x: np.ndarray, loss: str, noise: dict[str, float]) 
         np.full(len(series.time), problem.trials[series.trial].is_held) for series in problem.series
     ])  # fmt: skip
     used = (weights > 0.0) & ~is_held
-    missed = all(series.misses_impacts for series in problem.choose(problem.list_trials()))
-    extents = np.concatenate([series.extent / series.sigma for series in problem.series])
-    resolution = problem.accuracy / (2.0 * problem.step) * float(np.linalg.norm(extents[used]))
+    seen = problem.choose(problem.list_trials())
+    missed = all(series.misses_impacts for series in seen)
+    resolution = problem.find_resolution(seen)
     own = len(problem.parameters)
     free = own + sum(problem.trials[k].is_held is False for k, *_ in problem.labels)
     factor = find_factor(residuals[used], loss, free)
@@ -287,4 +363,5 @@ def _judge(problem: Problem, x: np.ndarray, loss: str, noise: dict[str, float]) 
         (QUANTILE if known else np.nan) * series.sigma * np.sqrt(spread[part])
         for series, part, known in zip(problem.series, rows, is_known, strict=True)
     ]
-    return Found(x, None, made, noise, judged, bands)
+    rise = factor * float(np.mean(PENALTIES[loss].slope(residuals[used])))
+    return Found(x, None, made, noise, judged, bands, rise)

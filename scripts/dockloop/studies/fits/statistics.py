@@ -9,9 +9,9 @@ them.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,11 +21,23 @@ _SHARE = 0.1  # of an undetermined direction that makes a parameter undetermined
 _LAGS = 12  # of the test for correlation
 _ALARM = 0.001  # probability of a false alarm over all channels, some times this for few samples
 _WINDOWS = 20  # of the samples: where residuals are largest
-PENALTIES: dict[
-    str, tuple[Any, Any]
-] = {  # of losses: psi and its derivative, by standardised residuals
-    "linear": (lambda r: r, np.ones_like),
-    "soft_l1": (lambda r: r / np.sqrt(1.0 + r**2), lambda r: (1.0 + r**2) ** -1.5),
+
+
+class Penalty(NamedTuple):
+    """A loss by standardised residuals: half of ``rho`` is minimised, ``psi`` is its derivative."""
+
+    rho: Callable[[np.ndarray], np.ndarray]
+    psi: Callable[[np.ndarray], np.ndarray]
+    slope: Callable[[np.ndarray], np.ndarray]  # of psi
+
+
+PENALTIES = {
+    "linear": Penalty(np.square, lambda r: r, np.ones_like),
+    "soft_l1": Penalty(
+        lambda r: 2.0 * (np.sqrt(1.0 + r**2) - 1.0),
+        lambda r: r / np.sqrt(1.0 + r**2),
+        lambda r: (1.0 + r**2) ** -1.5,
+    ),
 }
 
 
@@ -46,6 +58,12 @@ class Estimate:
     correlations: np.ndarray
     directions: np.ndarray
     singular: np.ndarray
+
+    @property
+    def log_volume(self) -> float:
+        """Logarithm of the determinant of the covariance of the parameters."""
+        count = len(self.deviations)
+        return float(np.linalg.slogdet(self.covariance[:count, :count])[1])
 
 
 def estimate(
@@ -104,10 +122,15 @@ def _find_axes(projector: np.ndarray) -> np.ndarray:
     return np.array(found).reshape(len(found), len(projector))
 
 
+def list_leading(direction: np.ndarray) -> list[int]:
+    """Return the parameters that a direction is of, the largest part first."""
+    size = np.abs(direction)
+    return [int(i) for i in np.argsort(-size) if size[i] > _SHARE]
+
+
 def describe_direction(direction: np.ndarray, labels: Sequence[str]) -> tuple[list[str], str]:
     """Return the parameters of a direction that is not identified, and a sentence."""
-    size = np.abs(direction)
-    order = [int(i) for i in np.argsort(-size) if size[i] > _SHARE]
+    order = list_leading(direction)
     names = [labels[i] for i in order]
     if len(names) == 1:
         return names, f"these data do not determine {names[0]}"
@@ -121,7 +144,7 @@ def describe_direction(direction: np.ndarray, labels: Sequence[str]) -> tuple[li
 
 def find_factor(residuals: np.ndarray, loss: str, unknowns: int) -> float:
     """Return the factor on the covariance: loss, and scatter beyond what was stated."""
-    psi, slope = (function(residuals) for function in PENALTIES[loss])
+    _, psi, slope = (function(residuals) for function in PENALTIES[loss])
     spare = max(1, len(residuals) - unknowns)
     ratio = float(np.sum(psi**2) / spare / np.mean(slope) ** 2)
     return max(ratio, 1.0)

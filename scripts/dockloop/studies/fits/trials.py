@@ -137,7 +137,7 @@ def _make_trial(place: str, entry: Mapping[str, Any], owner: Path, *, is_plan: b
         dict(entry.get("set", {})),
         outcome,
         noise,
-        entry.get("held_back", False),
+        entry.get("held_back", False) and not is_plan,
         None,
         entry.get("columns", ""),
         entry.get("csv", ""),
