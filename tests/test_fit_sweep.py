@@ -210,6 +210,10 @@ def test_a_fit_bands_the_boundary_of_an_envelope(dockloop, tmp_path):
     assert band["draws"] == 4
     assert 0.02 < band["met"]["low"] < criterion["met"] < band["met"]["high"] < 1.0
     assert 0.1 < band["sometimes"] < 0.9
+    # Boundaries of the draws hardly cross: all meet where the worst one does, some where any does.
+    assert band["always"] == pytest.approx(band["met"]["low"], abs=1e-3)
+    some = band["always"] + band["sometimes"]
+    assert some == pytest.approx(band["met"]["high"], abs=1e-3)
     assert (folder / "envelope.png").stat().st_size > 10_000
     found = dl.envelope(
         "absorber_1d", **BOX, criteria=f"capture.peak.compression < {LIMIT}", tolerance=0.02,

@@ -112,10 +112,14 @@ def summarise_band(band: Sequence[Search], number: int, shares: list[list[Any]])
     """
     parts = [search.mesh.measure(search.known, number)[0] for search in band]
     dimensions = len(band[0].order.axes)
+    points = np.array([row[:dimensions] for row in shares], dtype=float)
     share = np.array([row[dimensions + number] for row in shares])
+    # A point at the edge of the box stands for half a cell along that axis.
+    is_edge = (points == points.min(axis=0)) | (points == points.max(axis=0))
+    area = 0.5 ** np.sum(is_edge, axis=1)
     return {
         "draws": len(band),
         "met": {"mean": float(np.mean(parts)), "low": min(parts), "high": max(parts)},
-        "always": float(np.mean(share == 1.0)),
-        "sometimes": float(np.mean((share > 0.0) & (share < 1.0))),
+        "always": float(np.average(share == 1.0, weights=area)),
+        "sometimes": float(np.average((share > 0.0) & (share < 1.0), weights=area)),
     }
