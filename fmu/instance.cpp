@@ -120,8 +120,10 @@ void Instance::initialise() {
 void Instance::log_left_out() {
   const std::string text = logger.enabled(kLogChoices) ? sim.left_out_text() : std::string();
   if (!text.empty()) logger.write(fmi2OK, kLogChoices, text);
-  const std::string error = companion ? companion->describe(sim) : std::string();
-  if (!error.empty()) logger.write(fmi2Warning, kLogWarning, error);
+  if (!companion) return;
+  const Companion::Finding found = companion->describe(sim);
+  logger.write(found.is_warning ? fmi2Warning : fmi2OK,
+               found.is_warning ? kLogWarning : kLogChoices, found.text);
 }
 
 void Instance::log_events() {

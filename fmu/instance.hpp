@@ -77,7 +77,7 @@ struct Instance {
   /// Throws, and changes nothing, if the state belongs to another FMU.
   void load(const SavedInstance& from);
 
-  /// Log what accuracy has left out until now, and a measured error that is too large.
+  /// Log what accuracy has left out until now, and a measured error.
   void log_left_out();
   /// Log the warnings since the last call, and a change of phase (category logEvents).
   void log_events();

@@ -578,6 +578,9 @@ def test_a_run_measures_its_error_by_a_companion(name):
     assert last(made, "error_estimate") == pytest.approx(1.1 * estimate, rel=rel)
     assert np.max(made["solver.error_estimate"]) < 1.0
     assert made.warnings == plain.warnings
+    *notes, note = made.notes
+    assert notes == plain.notes
+    assert note.startswith(f"the error of this run is {last(made, 'error_estimate') / 1.1:.2g} (")
 
 
 def test_a_measured_error_above_the_accuracy_is_a_warning():

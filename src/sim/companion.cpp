@@ -210,24 +210,31 @@ void Companion::compare(DockingSim& run) {
   run.state_error(record_.is_lost ? 0.0 : std::min(1.0, (1.0 + kOwnError) * record_.error));
 }
 
-std::string Companion::describe(DockingSim& run) const {
+Companion::Finding Companion::describe(DockingSim& run) const {
   if (record_.is_lost) {
-    return "solver.error_estimate has no value: a step of the companion with smaller tolerances "
-           "failed (" +
-           sim_.status_text() + ")";
+    return {true,
+            "solver.error_estimate has no value: a step of the companion with smaller tolerances "
+            "failed (" +
+                sim_.status_text() + ")"};
+  }
+  if (record_.figure == kOutcome && record_.error >= 1.0) {
+    return {true,
+            "the outcome depends on the last digits: a companion with smaller tolerances ends "
+            "otherwise, so loads and times are not determined"};
   }
   const double accuracy = run.parameters().accuracy;
-  if (record_.figure == kOutcome && record_.error >= 1.0) {
-    return "the outcome depends on the last digits: a companion with smaller tolerances ends "
-           "otherwise, so loads and times are not determined";
-  }
-  if (!(accuracy > 0.0) || !(record_.error > accuracy)) return {};
+  const bool is_above = accuracy > 0.0 && record_.error > accuracy;
   char text[300];
-  std::snprintf(text, sizeof text,
-                "the error of this run is %.2g (%s), above accuracy = %.3g: small changes grow in "
-                "this motion (repeated contacts, play); a smaller accuracy helps",
-                record_.error, kErrorFigures[record_.figure], accuracy);
-  return text;
+  const int length = std::snprintf(text, sizeof text,
+                                   "the error of this run is %.2g (%s), measured by a companion",
+                                   record_.error, kErrorFigures[record_.figure]);
+  if (is_above) {
+    std::snprintf(text + length, sizeof text - static_cast<size_t>(length),
+                  ", above accuracy = %.3g: small changes grow in this motion (repeated contacts, "
+                  "play); a smaller accuracy helps",
+                  accuracy);
+  }
+  return {is_above, text};
 }
 
 void Companion::save(SavedCompanion& into) const {

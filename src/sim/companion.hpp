@@ -52,8 +52,12 @@ class Companion {
   void follow(DockingSim& run, double t, double h);
   void use_interruption(std::function<bool()> asks) { sim_.use_interruption(std::move(asks)); }
 
-  /// Why the companion was lost; or that the error is above the wanted one, and why; else empty.
-  std::string describe(DockingSim& run) const;
+  struct Finding {
+    bool is_warning;
+    std::string text;
+  };
+  /// The error of the run. It is a warning where it is not known, or above the wanted one.
+  Finding describe(DockingSim& run) const;
 
   void save(SavedCompanion& into) const;
   void load(const SavedCompanion& from, DockingSim& run);
