@@ -381,6 +381,16 @@ def test_a_case_of_a_large_table_is_chosen_in_little_memory(tmp_path):
         choose(cases=[0])
 
 
+@pytest.mark.parametrize("names", [["chaser.mass", "target.mass"], ["chaser.ma*s"]])
+def test_heads_of_cases_tell_columns_apart(dockloop, tmp_path, names):
+    """Last parts of names are heads, but not where they are the same, nor a star."""
+    grids = (f'type = "grid"\nname = "{name}"\nvalues = [3e4]' for name in names)
+    write(tmp_path, vary("\n[[vary]]\n".join(grids), more="[experiment]\nstop = 0.5\nstep = 0.5"))
+    made = dockloop.succeed("sweep", "mine.toml", "--no-plots").out
+    heads = made.partition("\nCases\n")[2].splitlines()[0]
+    assert re.split(r"  +", heads.strip())[: len(names)] == names
+
+
 def test_what_named_cases_set_are_columns():
     """A name that a case leaves to the scene is empty; all have units."""
     cases = {
