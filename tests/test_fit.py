@@ -160,7 +160,7 @@ def test_samples_outside_of_the_run_do_not_count(tmp_path):
     assert_found(found, C, DAMPING)
 
 
-def test_a_fit_of_python_leaves_its_summary_where_it_is_told(tmp_path):
+def test_a_fit_of_python_writes_its_summary(tmp_path):
     rig = write_rig(tmp_path / "rig.csv")
     with pytest.raises(dl.UsageError, match=r"own\.csv: must end in \.json"):
         fit(rig, output=tmp_path / "own.csv")

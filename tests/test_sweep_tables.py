@@ -381,7 +381,7 @@ def test_a_case_of_a_large_table_is_chosen_in_little_memory(tmp_path):
         choose(cases=[0])
 
 
-def test_a_sweep_of_python_leaves_its_table_where_it_is_told(tmp_path):
+def test_a_sweep_of_python_writes_its_table(tmp_path):
     members = {
         "scene": "absorber_1d",
         "histories": ["relative.axial"],
@@ -402,7 +402,7 @@ def test_a_sweep_of_python_leaves_its_table_where_it_is_told(tmp_path):
 
 
 @pytest.mark.parametrize("names", [["chaser.mass", "target.mass"], ["chaser.ma*s"]])
-def test_heads_of_cases_tell_columns_apart(dockloop, tmp_path, names):
+def test_heads_of_cases_are_distinct(dockloop, tmp_path, names):
     """Last parts of names are heads, but not where they are the same, nor a star."""
     grids = (f'type = "grid"\nname = "{name}"\nvalues = [3e4]' for name in names)
     write(tmp_path, vary("\n[[vary]]\n".join(grids), more="[experiment]\nstop = 0.5\nstep = 0.5"))

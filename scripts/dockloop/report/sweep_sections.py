@@ -62,7 +62,7 @@ def report_sweep(summary: dict) -> list[Section]:
 
 
 def _shorten(names: list[str]) -> list[str]:
-    """Return last parts of names as heads; the whole name where it alone tells columns apart."""
+    """Return last parts of names as heads; the whole name where only that is distinct."""
     ends = [name.rpartition(".")[2] for name in names]
     return [
         name if "*" in end or ends.count(end) > 1 else end.replace("_", " ")
