@@ -649,3 +649,5 @@ def test_a_run_says_how_many_names_a_star_has_set(dockloop):
     assert "*.mass=700: 2 names set" in summary["notes"]
     refused = dockloop(*command, "--set", "*.mas=700").err
     assert "no name that can be set is like '*.mas' (did you mean" in refused
+    refused = dockloop("run", "hexapod", "--set", "element[*].law[1].stiffness=1").err
+    assert "'element[*].law[*].stage[*].stiffness'" in refused  # a pattern, not one of its names

@@ -162,6 +162,18 @@ def test_samples_outside_of_the_run_do_not_count(tmp_path):
     assert_found(found, C, DAMPING)
 
 
+def test_a_fit_of_python_writes_its_summary(tmp_path):
+    rig = write_rig(tmp_path / "rig.csv")
+    with pytest.raises(dl.UsageError, match=r"own\.csv: must end in \.json"):
+        fit(rig, output=tmp_path / "own.csv")
+    found = fit(rig, stop=2.5, output=tmp_path / "own.json")
+    assert {path.name for path in tmp_path.iterdir()} == {"rig.csv", "own.json", "own.jsonl"}
+    assert json.loads((tmp_path / "own.json").read_text())["values"] == found.values
+    members = {"scene": "absorber_1d", "cases": 2, "experiment": {"stop": 0.5, "step": 0.5}}
+    table = dl.sweep(members, fitted=tmp_path / "own.json", workers=1)
+    assert set(found.values) <= set(table.columns)
+
+
 def find_ends(folder, **more):
     """Fit the first half of a test; return what was found and when its runs ended [s]."""
     lines = write_rig(folder / "rig.csv").read_text().splitlines()

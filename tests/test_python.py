@@ -439,6 +439,7 @@ def test_a_result_is_a_mapping_with_names_of_choices():
     assert len(repr(result)) < 120
     assert "101 points from 0 to 10 s" in repr(result)
     assert list(result) == result.keys() == result.names
+    assert len(result) == len(dict(result)) == result.values.shape[1]
     assert dict(result)["time"].tolist() == result.time.tolist()
     assert (result.units["relative.axial"], result.units[0]) == ("m", "s")
     with pytest.raises(dl.UsageError, match=r"no column 'relative.axia' \(did you mean"):

@@ -13,6 +13,7 @@ import random
 import numpy as np
 import pytest
 
+import dockloop as dl
 from dockloop.runs.docking import Docking, Scene
 
 STOP = 6.0  # s; contact, capture, and most of the attenuation
@@ -259,3 +260,23 @@ def test_stiff_drives_get_linearly_implicit_steps():
         again.step(0.5)
     for name in ("relative.position", "capture.force", "element[1].force", "solver.steps"):
         assert np.all(again.get(name) == auto.get(name)), name
+
+
+@pytest.mark.long
+def test_a_sequence_costs_less_than_with_bdf_for_the_same_error():
+    """Counts of evaluations at the same tolerance say nothing: the errors differ by orders."""
+
+    def run(values):
+        made = dl.run("probe_drogue", {}, {"command": "undock", **values}, stop=130.0, step=0.5)
+        names = [f"capture.peak.{load}" for load in ("tension", "compression", "bending")]
+        return np.array([made[name][-1] for name in names]), made["solver.rhs_evaluations"][-1]
+
+    right, _ = run({"solver.rtol": 1e-8})
+    cases = ({"solver.method": "bdf"}, {"accuracy": 1e-2}, {})
+    (bdf, of_bdf), (loose, of_loose), (default, _) = (
+        (np.max(np.abs(peaks / right - 1.0)), count) for peaks, count in map(run, cases)
+    )
+    print(f"errors of peaks: bdf {bdf:.0e}, accuracy 1e-2 {loose:.0e}, default {default:.0e}")
+    assert loose < bdf
+    assert of_loose < of_bdf
+    assert default < 0.02 * bdf

@@ -261,6 +261,13 @@ def test_an_override_sets_one_number_of_a_list():
         resolve("mechanism.set.forces.side1.laws.1.stages.1.3=4", scene="probe_drogue")
 
 
+def test_overrides_of_a_law_that_is_not_there_say_where_the_number_is():
+    with pytest.raises(UsageError, match=r"mechanism\.set\.contact\.MEMBER"):
+        resolve("contact.stiffness=3e4", scene="absorber_1d")
+    made = resolve("mechanism.set.contact.stiffness=3e4", scene="absorber_1d")
+    assert made["mechanism"]["contact"]["stiffness"] == 3e4
+
+
 def test_a_changed_number_is_checked_as_with_its_whole_document():
     """One member of each kind in all shipped files: the same sentence, or none."""
     documents = [("scene", read_toml(file)[0]) for file in sorted(paths.SCENES.glob("*.toml"))]

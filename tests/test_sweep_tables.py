@@ -381,6 +381,36 @@ def test_a_case_of_a_large_table_is_chosen_in_little_memory(tmp_path):
         choose(cases=[0])
 
 
+def test_a_sweep_of_python_writes_its_table(tmp_path):
+    members = {
+        "scene": "absorber_1d",
+        "histories": ["relative.axial"],
+        "vary": [{"type": "grid", "name": "chaser.mass", "values": [2e4, 3e4]}],
+        "experiment": {"stop": 0.5, "step": 0.25},
+    }
+    with pytest.raises(UsageError, match=r"own\.csv: must end in \.parquet"):
+        dl.sweep(members, output=tmp_path / "own.csv")
+    assert not list(tmp_path.iterdir())
+    table = dl.sweep(members, output=tmp_path / "own.parquet", workers=1)
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {"own.parquet", "own.jsonl", "own_histories.parquet"}
+    pd.testing.assert_frame_equal(pd.read_parquet(tmp_path / "own.parquet"), table)
+    kept = dl.read_histories(tmp_path / "own_histories.parquet")
+    assert kept[2] == table.attrs["histories"][2]
+    again = dl.sweep(members, output=tmp_path / "own.parquet", resume=True, workers=1)
+    assert again.attrs["summary"]["time"]["ran"] == 0
+
+
+@pytest.mark.parametrize("names", [["chaser.mass", "target.mass"], ["chaser.ma*s"]])
+def test_heads_of_cases_are_distinct(dockloop, tmp_path, names):
+    """Last parts of names are heads, but not where they are the same, nor a star."""
+    grids = (f'type = "grid"\nname = "{name}"\nvalues = [3e4]' for name in names)
+    write(tmp_path, vary("\n[[vary]]\n".join(grids), more="[experiment]\nstop = 0.5\nstep = 0.5"))
+    made = dockloop.succeed("sweep", "mine.toml", "--no-plots").out
+    heads = made.partition("\nCases\n")[2].splitlines()[0]
+    assert re.split(r"  +", heads.strip())[: len(names)] == names
+
+
 def test_what_named_cases_set_are_columns():
     """A name that a case leaves to the scene is empty; all have units."""
     cases = {

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dockloop.base.errors import names_arguments
-from dockloop.base.files import scratch
+from dockloop.base.files import check_suffix, claim, scratch
 from dockloop.base.number import to_plain
 from dockloop.base.paths import as_path
 from dockloop.base.progress import import_optional
@@ -41,7 +41,8 @@ def sweep(
             the column ``name`` names the cases. ``reference`` may then be ``{"scene": NAME}``.
         fitted: the result of ``dockloop fit`` (``fit.json``): its parameters vary, too, with their
             covariance and within their ranges; those that are not identified are uniform there.
-        output: where the journal is kept (next to this file, ``.jsonl``); default: nowhere.
+        output: a ``.parquet`` file for the table; journal and histories are next to it. Default:
+            no files.
         engine: ``core`` (threads), ``fmu`` (Dask workers) or ``auto``: threads without scheduler.
         workers: local threads or processes; default: one per processor.
         scheduler: address of a Dask scheduler to use instead.
@@ -66,7 +67,7 @@ def sweep(
     import_optional("pandas")
     import_optional("pyarrow")
     from dockloop.report.sweep import summarise_sweep
-    from dockloop.sweeps.histories import Histories, write_histories
+    from dockloop.sweeps.histories import HISTORIES, Histories, find_histories, write_histories
     from dockloop.sweeps.run import run_sweep
     from dockloop.sweeps.sampling import make_sweep, read_passes, read_sweep
     from dockloop.sweeps.table import TableFile, write_table
@@ -79,22 +80,25 @@ def sweep(
     else:
         drawn = read_sweep(str(reference), passes, cases, fit)
     with scratch() as folder:
+        place = as_path("-o", output) if output else folder / "sweep.parquet"
+        check_suffix(place, ".parquet")
+        if "histories" in drawn.document:
+            claim(find_histories(place), HISTORIES)
         ran = run_sweep(
             replace(drawn, assured=bool(assured)),
-            as_path("-o", output) if output else folder / "sweep.parquet",
+            place,
             engine=engine,
             workers=workers,
             scheduler=scheduler,
             resume=resume,
         )
         drawn = ran["sweep"]
-        file = folder / "table.parquet"
-        write_table(drawn, ran["planner"], ran["results"], ran["first"], file)
-        table = TableFile(file)
+        write_table(drawn, ran["planner"], ran["results"], ran["first"], place)
+        table = TableFile(place)
         frame = table.to_pandas()
         frame.attrs["summary"] = summarise_sweep(drawn, ran["planner"], table, ran)
         if ran["planner"].histories:
-            file = folder / "histories.parquet"
+            file = find_histories(place)
             write_histories(ran["planner"], ran["results"], file)
             frame.attrs["histories"] = Histories(file.read_bytes())
     return frame

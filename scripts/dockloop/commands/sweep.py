@@ -64,8 +64,10 @@ def add_options(command: Command) -> None:
 
 def run(options: Options) -> None:
     """Run the sweep, or estimate how rarely its dockings fail."""
-    if options.output and options.output.suffix != ".parquet":
-        raise UsageError(f"-o {options.output}: must end in .parquet")
+    from dockloop.base.files import check_suffix
+
+    if options.output:
+        check_suffix(options.output, ".parquet")
     uses_dask = options.engine == "fmu" or options.scheduler
     try:
         for package in ("pyarrow", "scipy", *(["distributed"] if uses_dask else [])):

@@ -86,9 +86,15 @@ def match_names(pattern: str, names: Iterable[str], place: str) -> list[str]:
     known = list(names)
     found = [name for name in known if fits(name, pattern)]
     if not found:
-        near = did_you_mean(pattern, known) or _find_near_part(pattern, known)
+        near = did_you_mean(_forget_indices(pattern), map(_forget_indices, known))
+        near = near or _find_near_part(pattern, known)
         raise UsageError(f"{place}: no name that can be set is like '{pattern}'{near}")
     return found
+
+
+def _forget_indices(name: str) -> str:
+    """Return a name with ``*`` for each index, so that patterns are suggested for patterns."""
+    return re.sub(r"\[[^\]]*\]", "[*]", name)
 
 
 def _find_near_part(pattern: str, names: list[str]) -> str:

@@ -48,7 +48,7 @@ def report_sweep(summary: dict) -> list[Section]:
     meaning = {limit.name: f"{limit.happened}; {limit.means}" for limit in list_limits()}
     limits = ((name, n, meaning[name]) for name, n in summary.get("limits", {}).items())
     cases = summary.get("table", [{}])
-    names = [name.rpartition(".")[2].replace("_", " ") for name in cases[0]]
+    names = _shorten(list(cases[0]))
     heads = ("load", "median", "95 %", "99 %", "largest", "unit", "rated", "cases above", "where")
     loads = list_peaks(summary["peak_loads"], ("median", "q95", "q99", "largest"))
     return [
@@ -58,6 +58,15 @@ def report_sweep(summary: dict) -> list[Section]:
         Section("Cases", table=[names, *(case.values() for case in cases if case)]),
         Section("Peak loads", table=[heads, *loads]),
         *([_report_passes(summary["refined"])] if "refined" in summary else []),
+    ]
+
+
+def _shorten(names: list[str]) -> list[str]:
+    """Return last parts of names as heads; the whole name where only that is distinct."""
+    ends = [name.rpartition(".")[2] for name in names]
+    return [
+        name if "*" in end or ends.count(end) > 1 else end.replace("_", " ")
+        for name, end in zip(names, ends, strict=True)
     ]
 
 

@@ -97,7 +97,8 @@ def say_not_seen(stop: float, end: float, steps: Mapping[str, float] | None = No
     text = f"not seen: the scene runs to {end:g} s, and what happens after {stop:g} s"
     if steps:
         text += ", with the steps " + ", ".join(f"'{n}' ({t:.4g} s)" for n, t in steps.items())
-    return f"{text}, is not judged"
+        text += ","
+    return f"{text} is not judged"
 
 
 def has_happened(name: str, value: float) -> bool:

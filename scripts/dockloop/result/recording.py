@@ -61,7 +61,8 @@ class Result:
 
     ``result["relative.axial"]`` is one variable over time, shape (points,), and
     ``result["relative.position"]`` a vector, shape (points, 3). All values are floats: true is 1, a
-    choice is its number, and `get_choices` returns its name. Iteration and `keys` give the names.
+    choice is its number, and `get_choices` returns its name. Iteration and `keys` give the names,
+    ``len`` their number.
 
     Attributes:
         scene: the resolved scene (``resources/model.json`` of the FMU).
@@ -114,6 +115,10 @@ class Result:
     def __iter__(self) -> Iterator[str]:
         """Iterate over the names of the columns, ``time`` first."""
         return iter(self.names)
+
+    def __len__(self) -> int:
+        """Return the number of columns, over which it iterates."""
+        return len(self.names)
 
     def keys(self) -> list[str]:
         """Return the names of the columns, ``time`` first; ``dict(result)`` works."""

@@ -188,7 +188,12 @@ def _resolve(scene: dict, mechanism: dict, path: Path) -> dict:
     if law and not has_contact_law(mechanism):
         raise UsageError(
             f"{shown(path)}: [contact] overrides the law of surfaces or of a guide ring,"
-            + (f" but the mechanism '{named['name']}' has none" if named else " but there is none")
+            + (
+                f" but the mechanism '{named['name']}' has none; mechanism.set.contact.MEMBER"
+                " changes what its file states"
+                if named
+                else " but there is none"
+            )
         )
     document = {
         "format": FORMAT,

@@ -11,7 +11,15 @@ import numpy as np
 from dockloop.base import paths
 from dockloop.base.errors import UsageError, names_arguments, warn
 from dockloop.base.figures import can_draw, save_figure
-from dockloop.base.files import claim, figure_kind, json_kind, scratch, table_kind, write_csv
+from dockloop.base.files import (
+    check_suffix,
+    claim,
+    figure_kind,
+    json_kind,
+    scratch,
+    table_kind,
+    write_csv,
+)
 from dockloop.base.number import as_number
 from dockloop.base.paths import as_path, shown
 from dockloop.base.progress import ProgressBar, import_optional
@@ -154,7 +162,7 @@ def fit(
         seed: of these.
         accuracy: wanted relative error of the runs; default: 1e-6.
         profile: show how fast other values of the worst pair meet the measurements worse.
-        output: the journal is kept next to this file; default: it is not kept.
+        output: a ``.json`` file for the summary; the journal is next to it. Default: no files.
         workers: threads; default: one per processor.
         scheduler: address of a Dask scheduler to use instead.
         resume: go on with the journal of `output`.
@@ -173,9 +181,20 @@ def fit(
         loss=loss, starts=starts, seed=seed, is_profiled=profile,
     )  # fmt: skip
     with scratch() as folder:
-        journal = (as_path("-o", output) if output else folder / "fit").with_suffix(".jsonl")
+        place = _claim_summary(as_path("-o", output) if output else folder / f"{WORK}.json")
+        journal = place.with_suffix(".jsonl")
         fitted = work(order, journal, workers=workers, scheduler=scheduler, resume=resume)
-    return Fit(report.summarise_fit(fitted), fitted)
+    summary = report.summarise_fit(fitted)
+    if output:
+        write_summary(summary, place, [place])
+    return Fit(summary, fitted)
+
+
+def _claim_summary(path: Path) -> Path:
+    """Make sure, before any work, that the summary of a fit can be written; returns its file."""
+    check_suffix(path, ".json")
+    claim(path, json_kind("fit", COMMAND))
+    return path
 
 
 @names_arguments
@@ -299,15 +318,12 @@ def run_command(options: argparse.Namespace) -> dict[str, Any]:
         DockloopError: the work failed.
     """
     name = find_scene(options.scene).stem
-    output = options.output or paths.RESULTS / "fits" / name / f"{WORK}.json"
-    if output.suffix != ".json":
-        raise UsageError(f"-o {output}: must end in .json")
+    output = _claim_summary(options.output or paths.RESULTS / "fits" / name / f"{WORK}.json")
     for member in ("apply", "cases", "profile"):
         if options.plan and getattr(options, member):
             raise UsageError(f"--{member}: a plan has no fitted numbers: leave it or --plan out")
     figure, page, copy = output.with_suffix(".png"), find_html(output), options.apply
     cases = output.with_name(f"{output.stem}_cases.csv")
-    claim(output, json_kind("fit", COMMAND))
     claim(output.with_suffix(".jsonl"), journal_kind(WORK))
     for is_written, path, kind in (
         (not options.no_plots, figure, figure_kind(COMMAND)),
