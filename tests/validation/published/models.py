@@ -17,14 +17,20 @@ from dockloop.scene.values import to_text
 AXIS_GROUPS = ("relative", "capture", "phase", "ring", "legs", "energy", "solver")
 
 
-def read_mechanism(name: str) -> dict:
-    """Return a shipped mechanism for an impact alone: its ring at home stands in A.
+def read_shipped(name: str) -> dict:
+    """Return a shipped mechanism without sequence, hard dock and failures.
 
-    Sequence, hard dock and failures are left out: they name parts that cases change.
+    These name parts that cases change.
     """
     mechanism = json.loads((paths.MECHANISMS / f"{name}.json").read_text(encoding="utf-8"))
     for member in ("failures", "sequence", "interface"):
         mechanism.pop(member, None)
+    return mechanism
+
+
+def read_mechanism(name: str) -> dict:
+    """Return a shipped mechanism for an impact alone: its ring at home stands in A."""
+    mechanism = read_shipped(name)
     on_base = [body["joint"] for body in mechanism["bodies"] if body["parent"] == "base"]
     stroke = next((j["position"][0] for j in on_base if j["type"] == "free" and "position" in j), 0)
     for joint in on_base:

@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "studies"))
 
 import json
 
-from models import read_mechanism
+from models import read_shipped
 
 import dockloop as dl
 from dockloop.base import paths
@@ -191,7 +191,7 @@ def find_elasticities(scene: str, file: str, change: Change | None) -> dict[str,
     """Return the elasticity of every result; NaN where a run has none."""
     sides = []
     for factor in (LOW, HIGH):
-        mechanism = read_mechanism(file)
+        mechanism = read_shipped(file)
         if change is None:
             sides.append(
                 run_variant(scene, mechanism, {"contact.friction_coefficient": 0.1 * factor})
@@ -227,7 +227,7 @@ def show(value: float) -> str:
 def write_family(scene: str) -> list[Block]:
     """Return the section of a family."""
     file, groups, known = FAMILIES[scene]
-    base = run_variant(scene, read_mechanism(file))
+    base = run_variant(scene, read_shipped(file))
     every: dict[str, Change | None] = {**groups, FRICTION: None}
     rows = {name: find_elasticities(scene, file, change) for name, change in every.items()}
     order = sorted(rows, key=lambda name: -max(map(find_size, rows[name].values())))
