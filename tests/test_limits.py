@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import dockloop as dl
+from dockloop.base.rotations import turn
 from dockloop.native.core import list_limits
 from dockloop.result.limits import find_exceeded, name_exceeded
 from dockloop.result.summary import summarise
@@ -72,6 +73,65 @@ def test_vehicles_that_miss_each_other_may_pass_the_planes():
     run = dl.run(DEFAULT, keys | {"chaser.velocity": [1.0, 0.0, 0.0]}, stop=3.0, step=0.1)
     assert run["relative.axial"][-1] < -1.0
     assert run["limits.exceeded"][-1] == 0
+
+
+HULLS = {
+    "chaser.hull": {"from": [-3.0, 0.0, 0.0], "to": [1.5, 0.0, 0.0], "radius": 2.2},
+    "target.hull": {"from": [-12.5, 0.0, 0.0], "to": [10.0, 1.0, 0.0], "radius": 2.0},
+}
+
+
+def sample_hull(run, name):
+    """Return points of the middle line of a hull, for each sample: positions in N."""
+    hull = HULLS[f"{name}.hull"]
+    line = np.linspace(hull["from"], hull["to"], 301)
+    position = np.column_stack([run[f"{name}.position[{i}]"] for i in (1, 2, 3)])
+    attitude = np.column_stack([run[f"{name}.attitude[{i}]"] for i in (1, 2, 3, 4)])
+    return [at + turn(np.tile(q, (len(line), 1)), line) for at, q in zip(position, attitude)]
+
+
+def test_hulls_that_overlap_are_noticed():
+    """The chaser passes the target 4 m off its axis while it turns; nothing but hulls is there."""
+    keys = {
+        "initial.at": "start",
+        "chaser.position": [-19.5, 4.0, 0.5],
+        "chaser.velocity": [1.0, 0.0, 0.0],
+        "chaser.angular_velocity": [0.0, 0.02, 0.05],
+    }
+    run = dl.run(DEFAULT, keys | HULLS, stop=8.0, step=0.05)
+    lines = zip(sample_hull(run, "chaser"), sample_hull(run, "target"))
+    gaps = [np.min(np.linalg.norm(a[:, None] - b, axis=-1)) for a, b in lines]
+    overlap = sum(hull["radius"] for hull in HULLS.values()) - np.array(gaps)
+    before, after = find_first(run, overlap > 0.0)
+    (row,) = find_exceeded(run)
+    assert row["name"] == "hull"
+    assert before - 1e-9 <= row["time"] <= after + 1e-3
+    assert 0.0 < row["value"] <= overlap[run.time >= after][0] + 1e-3
+    (text,) = (text for text in run.warnings if "limit 'hull'" in text)
+    assert "the hulls of the vehicles overlap" in text
+    alone = dl.run(DEFAULT, keys | {"chaser.hull": HULLS["chaser.hull"]}, stop=8.0, step=0.05)
+    assert find_exceeded(alone) == []
+
+
+def test_hulls_with_room_for_the_hardware_change_nothing():
+    plain, run = (dl.run(DEFAULT, NEAR | hulls, stop=3.0, step=0.1) for hulls in ({}, HULLS))
+    assert find_exceeded(run) == []
+    assert all(np.array_equal(plain[name], run[name]) for name in plain.keys())
+
+
+@pytest.mark.parametrize(
+    ("hull", "said"),
+    [
+        ({"from": [1.0, 0.0, 0.0], "to": [1.0, 0.0, 0.0], "radius": 2.0}, "the same point as"),
+        ({"from": [1.0, 0.0, 0.0], "to": [2.0, 0.0, 0.0], "radius": 0.0}, "hull.radius"),
+        ({"from": [1.0, 0.0, 0.0], "radius": 1.0}, "'to'"),
+        ({"from": [1.0, 0.0, 0.0], "to": [2.0, 0.0, 0.0], "length": 1.0}, "length"),
+    ],
+)
+def test_impossible_hulls_are_refused(hull, said):
+    with pytest.raises(dl.UsageError, match="hull") as refused:
+        dl.Scene(DEFAULT, {"chaser.hull": hull})
+    assert said in str(refused.value)
 
 
 def test_rings_touch_with_too_much_tilt():

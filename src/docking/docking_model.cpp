@@ -207,6 +207,7 @@ DockingModel make_docking_model(const Scene& scene,
   if (!model.contact.empty()) set_law(model.contact, law);
   model.latches = scene.latches;
   model.phase_limits = scene.phase_limits;
+  model.hull = scene.hull;
   model.sequence = scene.sequence;
   model.disturbances = scene.disturbances;
   model.inputs = scene.inputs;

@@ -124,6 +124,7 @@ struct DockingModel {
   HardDock hard_dock;
   std::vector<VehicleForce> forces;  ///< at most kMaxVehicleForces
   PhaseLimits phase_limits;
+  std::array<std::optional<Hull>, 2> hull;
   Sequence sequence;                        ///< empty: phases follow from motion and latches
   std::vector<Disturbance> disturbances;    ///< at most kMaxDisturbances
   std::vector<InputHistory> inputs;         ///< at most kMaxInputHistories

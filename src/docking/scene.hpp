@@ -75,6 +75,12 @@ struct VehicleParameters {
   Vec3<double> angular_velocity = Vec3<double>::Zero();    ///< start: body axes [rad/s]
 };
 
+/// Hull of a vehicle, for overlap only: all points within `radius` of a segment, body axes [m].
+struct Hull {
+  Vec3<double> from, to;
+  double radius;
+};
+
 /// Displaced start of the mechanism: capture body relative to its home pose, axes of B.
 struct CaptureBodyStart {
   Vec3<double> displacement = Vec3<double>::Zero();      ///< [m]
@@ -132,6 +138,7 @@ struct Scene {
   bool has_target = true;  ///< false: mechanism alone (no contact, no relative states)
   std::array<VehicleParameters, 2> vehicle;
   std::array<VehicleParts, 2> parts;
+  std::array<std::optional<Hull>, 2> hull;
   MechanismModel mechanism;        ///< on its base B, not yet attached to the chaser
   Pose<double> base_in_interface;  ///< pose of B in A
   ContactModel contact;            ///< no pairs if the scene has no contact

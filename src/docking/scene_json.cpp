@@ -51,6 +51,14 @@ VehicleParameters read_vehicle(const JsonReader& item) {
   return p;
 }
 
+std::optional<Hull> read_hull(const JsonReader& vehicle) {
+  if (!vehicle.has("hull")) return std::nullopt;
+  const JsonReader item = vehicle.at("hull");
+  const Hull hull{item.at("from").vector<3>(), item.at("to").vector<3>(), item.positive("radius")};
+  if (hull.from == hull.to) item.at("to").fail("is the same point as 'from'; they must differ");
+  return hull;
+}
+
 /// @param own  members that one side does not share with the other
 GuideRing read_guide_ring(const JsonReader& common, const JsonReader& own) {
   const auto find_owner = [&](const std::string& name) -> const JsonReader& {
@@ -365,6 +373,7 @@ Scene read_members(const JsonReader& root, const std::string& source_name) {
     if (!root.has(name)) continue;
     const JsonReader vehicle = root.at(name);
     scene.parts[i] = read_vehicle_parts(vehicle, name);
+    scene.hull[i] = read_hull(vehicle);
     if (scene.motion[i] != Motion::kFixed || scene.parts[i].count_coordinates() == 0) continue;
     vehicle.at("motion").fail(
         std::string("is '") + vehicle.at("motion").text() +

@@ -6,6 +6,8 @@
 #include <cstdio>
 #include <limits>
 
+#include "contact/primitives.hpp"
+
 namespace dockloop {
 namespace {
 
@@ -23,6 +25,19 @@ void find_distances(const DockingModel& model, const DockingData<double>& data,
   const double depth = data.contact.depth_ratio * contact.least_rounding;
   found.value[kOverlapLimit] = -p.x() - depth;
   found.value[kPassedLimit] = -data.relative.p.x() - contact.depth;
+}
+
+double find_hull_overlap(const DockingModel& model, const DockingData<double>& data) {
+  constexpr double kRegularised = 1e-9;  // parallel hulls have many closest points
+  const auto place = [&](int i) {
+    const FrameMotion<double>& body = data.vehicle[i];
+    const Hull& hull = *model.hull[i];
+    return Hull{body.p + body.R * hull.from, body.R * (hull.to - hull.from), hull.radius};
+  };
+  const Hull a = place(kChaser), b = place(kTarget);
+  const Closest<double> closest = find_segment_segment<double>(
+      a.from, a.to, a.from + 0.5 * a.to, b.from, b.to, b.from + 0.5 * b.to, kRegularised);
+  return a.radius + b.radius - (closest.second - closest.first).norm();
 }
 
 /// Depth over toe of the deepest end stop.
@@ -64,6 +79,10 @@ LimitValues find_limit_values(const DockingModel& model, const DockingData<doubl
   if (!model.present[kTarget]) return found;
   found.limit[kLoadLimit] = 1.0;
   found.value[kLoadLimit] = load_ratio;
+  if (model.hull[kChaser] && model.hull[kTarget]) {
+    found.limit[kHullLimit] = 0.0;
+    found.value[kHullLimit] = find_hull_overlap(model, data);
+  }
   const bool is_joined = data.locked && data.locked->has_target;
   if (!model.contact.has_surfaces() || is_joined) return found;
   found.limit[kOverlapLimit] = kMostOverlap;

@@ -20,6 +20,7 @@ enum Limit {
   kDepthLimit,
   kTimeOutLimit,
   kSingularLimit,
+  kHullLimit,
   kLimitCount
 };
 
@@ -48,6 +49,8 @@ inline constexpr std::array<WatchedLimit, kLimitCount> kLimits = {{
      "the sequence goes on as on_timeout of this step states"},
     {"singular", "1", "a loop is close to singular, or has passed a singular pose",
      "forces in the mechanism grow there, and motions that meet there differ by rounding"},
+    {"hull", "m", "the hulls of the vehicles overlap",
+     "nothing acts between hulls: do not trust loads and motion from here on"},
 }};
 
 /// Values at one state, and limits, of what is not noticed at an event.
