@@ -87,7 +87,10 @@ def sample_hull(run, name):
     line = np.linspace(hull["from"], hull["to"], 301)
     position = np.column_stack([run[f"{name}.position[{i}]"] for i in (1, 2, 3)])
     attitude = np.column_stack([run[f"{name}.attitude[{i}]"] for i in (1, 2, 3, 4)])
-    return [at + turn(np.tile(q, (len(line), 1)), line) for at, q in zip(position, attitude)]
+    return [
+        at + turn(np.tile(q, (len(line), 1)), line)
+        for at, q in zip(position, attitude, strict=True)
+    ]
 
 
 def test_hulls_that_overlap_are_noticed():
@@ -99,7 +102,7 @@ def test_hulls_that_overlap_are_noticed():
         "chaser.angular_velocity": [0.0, 0.02, 0.05],
     }
     run = dl.run(DEFAULT, keys | HULLS, stop=8.0, step=0.05)
-    lines = zip(sample_hull(run, "chaser"), sample_hull(run, "target"))
+    lines = zip(*(sample_hull(run, name) for name in ("chaser", "target")), strict=True)
     gaps = [np.min(np.linalg.norm(a[:, None] - b, axis=-1)) for a, b in lines]
     overlap = sum(hull["radius"] for hull in HULLS.values()) - np.array(gaps)
     before, after = find_first(run, overlap > 0.0)
@@ -116,7 +119,7 @@ def test_hulls_that_overlap_are_noticed():
 def test_hulls_with_room_for_the_hardware_change_nothing():
     plain, run = (dl.run(DEFAULT, NEAR | hulls, stop=3.0, step=0.1) for hulls in ({}, HULLS))
     assert find_exceeded(run) == []
-    assert all(np.array_equal(plain[name], run[name]) for name in plain.keys())
+    assert all(np.array_equal(plain[name], run[name]) for name in plain)
 
 
 @pytest.mark.parametrize(

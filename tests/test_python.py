@@ -253,7 +253,7 @@ def test_refusals_name_arguments_of_python_and_no_options(words, call):
 def test_a_journal_that_is_there_is_refused_with_the_names_of_arguments(tmp_path):
     place = {"output": tmp_path / "own.parquet"}
     dl.sweep(SWEEP, **place)
-    with pytest.raises(dl.UsageError, match="another sweep .*: choose another output or delete"):
+    with pytest.raises(dl.UsageError, match=r"another sweep .*: choose another output or delete"):
         dl.sweep({**SWEEP, "set": {"chaser.inertia": [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]}}, **place)
 
 
