@@ -76,14 +76,18 @@ def test_vehicles_that_miss_each_other_may_pass_the_planes():
 
 
 HULLS = {
-    "chaser.hull": {"from": [-3.0, 0.0, 0.0], "to": [1.5, 0.0, 0.0], "radius": 2.2},
-    "target.hull": {"from": [-12.5, 0.0, 0.0], "to": [10.0, 1.0, 0.0], "radius": 2.0},
+    "chaser": {"from": [-3.0, 0.0, 0.0], "to": [1.5, 0.0, 0.0], "radius": 2.2},
+    "target": {"from": [-12.5, 0.0, 0.0], "to": [10.0, 1.0, 0.0], "radius": 2.0},
 }
+
+
+def put_hulls(hulls):
+    return {f"{v}.hull.{member}": x for v, hull in hulls.items() for member, x in hull.items()}
 
 
 def sample_hull(run, name):
     """Return points of the middle line of a hull, for each sample: positions in N."""
-    hull = HULLS[f"{name}.hull"]
+    hull = HULLS[name]
     line = np.linspace(hull["from"], hull["to"], 301)
     position = np.column_stack([run[f"{name}.position[{i}]"] for i in (1, 2, 3)])
     attitude = np.column_stack([run[f"{name}.attitude[{i}]"] for i in (1, 2, 3, 4)])
@@ -101,7 +105,7 @@ def test_hulls_that_overlap_are_noticed():
         "chaser.velocity": [1.0, 0.0, 0.0],
         "chaser.angular_velocity": [0.0, 0.02, 0.05],
     }
-    run = dl.run(DEFAULT, keys | HULLS, stop=8.0, step=0.05)
+    run = dl.run(DEFAULT, keys | put_hulls(HULLS), stop=8.0, step=0.05)
     lines = zip(*(sample_hull(run, name) for name in ("chaser", "target")), strict=True)
     gaps = [np.min(np.linalg.norm(a[:, None] - b, axis=-1)) for a, b in lines]
     overlap = sum(hull["radius"] for hull in HULLS.values()) - np.array(gaps)
@@ -112,12 +116,15 @@ def test_hulls_that_overlap_are_noticed():
     assert 0.0 < row["value"] <= overlap[run.time >= after][0] + 1e-3
     (text,) = (text for text in run.warnings if "limit 'hull'" in text)
     assert "the hulls of the vehicles overlap" in text
-    alone = dl.run(DEFAULT, keys | {"chaser.hull": HULLS["chaser.hull"]}, stop=8.0, step=0.05)
+    one = put_hulls({"chaser": HULLS["chaser"]})
+    alone = dl.run(DEFAULT, keys | one, stop=8.0, step=0.05)
     assert find_exceeded(alone) == []
 
 
 def test_hulls_with_room_for_the_hardware_change_nothing():
-    plain, run = (dl.run(DEFAULT, NEAR | hulls, stop=3.0, step=0.1) for hulls in ({}, HULLS))
+    plain, run = (
+        dl.run(DEFAULT, NEAR | put_hulls(hulls), stop=3.0, step=0.1) for hulls in ({}, HULLS)
+    )
     assert find_exceeded(run) == []
     assert all(np.array_equal(plain[name], run[name]) for name in plain)
 
@@ -133,7 +140,7 @@ def test_hulls_with_room_for_the_hardware_change_nothing():
 )
 def test_impossible_hulls_are_refused(hull, said):
     with pytest.raises(dl.UsageError, match="hull") as refused:
-        dl.Scene(DEFAULT, {"chaser.hull": hull})
+        dl.Docking(DEFAULT, put_hulls({"chaser": hull}))
     assert said in str(refused.value)
 
 
