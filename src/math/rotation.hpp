@@ -94,6 +94,12 @@ Vec3<S> quat_log(const Vec4<S>& q) {
   return u * k;
 }
 
+/// Rotation vector [rad] from one attitude to another, in axes of the first.
+template <class S>
+Vec3<S> find_turn(const Vec4<S>& from, const Vec4<S>& to) {
+  return quat_log<S>(quat_multiply<S>(quat_conjugate<S>(from), to));
+}
+
 /// Rotation by `angle` given as (cos, sin) about a unit axis (Rodrigues).
 template <class S>
 Mat3<S> axis_rotation(const Vec3<S>& e, const S& c, const S& s) {

@@ -55,11 +55,6 @@ Parameters tighten(DockingSim& run) {
   return p;
 }
 
-double find_turn(const Vec4<double>& from, const Vec4<double>& to) {
-  const Vec4<double> q = quat_multiply<double>(quat_conjugate<double>(from), to);
-  return 2.0 * std::asin(std::min(1.0, q.tail<3>().norm()));
-}
-
 /// The frame whose motion is judged: P seen from A, without a target the ring.
 struct FrameValues {
   Vec3<double> position;
@@ -129,11 +124,13 @@ void note(ErrorRecord& record, const Outputs& run, const Outputs& finer, bool ha
   add(kStroke, std::abs(record.stroke[0] - record.stroke[1]), std::max(record.stroke[1], kLeast));
   const FrameValues ours = find_frame(run, has_target), theirs = find_frame(finer, has_target);
   raise(record.largest[ErrorRecord::kPosition], (theirs.position - record.position_start).norm());
-  raise(record.largest[ErrorRecord::kAttitude], find_turn(record.attitude_start, theirs.attitude));
+  raise(record.largest[ErrorRecord::kAttitude],
+        find_turn<double>(record.attitude_start, theirs.attitude).norm());
   raise(record.largest[ErrorRecord::kVelocity], theirs.velocity.norm());
   raise(record.largest[ErrorRecord::kAngularVelocity], theirs.angular_velocity.norm());
   const std::array<double, ErrorRecord::kFrameCount> apart = {
-      (ours.position - theirs.position).norm(), find_turn(ours.attitude, theirs.attitude),
+      (ours.position - theirs.position).norm(),
+      find_turn<double>(ours.attitude, theirs.attitude).norm(),
       (ours.velocity - theirs.velocity).norm(),
       (ours.angular_velocity - theirs.angular_velocity).norm()};
   for (size_t i = 0; i < apart.size(); ++i) {

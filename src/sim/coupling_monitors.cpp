@@ -157,8 +157,7 @@ void HostCoupling::look_at_innovation(int i, const VehicleState& z, const Vehicl
   v.innovation = std::max(innovation.norm(), turning.norm() * arm.norm());
 
   // Work received by the host's vehicle, minus work of the mechanism: the created energy.
-  const Vec3<double> turn =
-      quat_log<double>(quat_multiply<double>(quat_conjugate<double>(v.before.q), now.q));
+  const Vec3<double> turn = find_turn<double>(v.before.q, now.q);
   const double created = v.load.f.dot(now.x - v.before.x) + v.load.t.dot(turn) - v.work;
   state_.coupling.work_residual += created;
   state_.coupling.created[0] += created;
@@ -198,8 +197,7 @@ HostFinding HostCoupling::judge(int i, const VehicleState& z) {
   step.error = z.v - v.by_stated.v;
   step.turn_error = z.w - v.by_stated.w;
   step.offset = z.x - v.by_stated.x;
-  step.turn_offset =
-      quat_log<double>(quat_multiply<double>(quat_conjugate<double>(v.by_stated.q), z.q));
+  step.turn_offset = find_turn<double>(v.by_stated.q, z.q);
   step.gravity = loads_.at_start().gravity.norm();
   // Gravity as a constant over the step has at least this error.
   step.rounding = kSilentChange + kRelativeRounding * inputs_.vehicle[i].velocity.norm() +
@@ -392,8 +390,7 @@ void HostCoupling::note_step(int i, const Wrench<double>& exerted, const Vehicle
                              const VehicleState& end, double h) {
   DrivenVehicle& v = state_.coupling.vehicle[i];
   const Vec3<double> distance = end.x - start.x;
-  const Vec3<double> turn =
-      quat_log<double>(quat_multiply<double>(quat_conjugate<double>(start.q), end.q));
+  const Vec3<double> turn = find_turn<double>(start.q, end.q);
   const Loads& known = loads_.at(0.5 * h);
   Vec3<double> fall = Vec3<double>::Zero();
   if (!model_->falling) fall = h * known.gravity;

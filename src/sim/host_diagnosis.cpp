@@ -58,10 +58,6 @@ constexpr double kAbsurd = 1e3;         ///< inertia over that of a body of this
 constexpr double kUnmodelled = 1e-4;    ///< acceleration that counts [m/s2], and part of gravity
 constexpr double kSilent = 1e-7;        ///< acceleration that counts as no load [m/s2], [rad/s2]
 
-double find_angle(const Vec4<double>& a, const Vec4<double>& b) {
-  return quat_log<double>(quat_multiply<double>(quat_conjugate<double>(a), b)).norm();
-}
-
 /// A quaternion in the order x, y, z, w.
 Vec4<double> reorder(const Vec4<double>& q) { return {q[3], q[0], q[1], q[2]}; }
 
@@ -421,7 +417,7 @@ HostFinding judge_first_report(const Inputs::Vehicle& report, const Inputs::Vehi
     return {kEndOfStep, away.norm()};
   }
   const Vec4<double> attitude = report.attitude.normalized();
-  sums.first_angle = find_angle(start.attitude, attitude);
+  sums.first_angle = find_turn<double>(start.attitude, attitude).norm();
   HostFinding turned;
   double least = kSameShare * sums.first_angle;
   for (const AttitudeReading& as : kAttitudeReadings) {
@@ -431,7 +427,8 @@ HostFinding judge_first_report(const Inputs::Vehicle& report, const Inputs::Vehi
           is_close(read_spin(as, report), start.angular_velocity)) {
         return {as.fault, 0.0};
       }
-    } else if (const double angle = find_angle(start.attitude, read_attitude(as, report));
+    } else if (const double angle =
+                   find_turn<double>(start.attitude, read_attitude(as, report)).norm();
                angle < least) {
       least = angle;
       turned.fault = as.fault;
@@ -478,9 +475,7 @@ HostFinding judge_motion(const ReportPair& pair, double keep, ReportSums& sums) 
     const Vec3<double> w0 = read_spin(as, pair.begin), w1 = read_spin(as, pair.end);
     const Vec3<double> mean = 0.5 * (w0 + w1);
     const Vec3<double> rate =
-        quat_log<double>(quat_multiply<double>(
-            quat_conjugate<double>(read_attitude(as, pair.begin)), read_attitude(as, pair.end))) /
-        h;
+        find_turn<double>(read_attitude(as, pair.begin), read_attitude(as, pair.end)) / h;
     sums.turn_error2[i] = keep * sums.turn_error2[i] + (rate - mean).squaredNorm();
     if (i > 0) continue;
     sums.turn2 = keep * sums.turn2 + rate.squaredNorm();
