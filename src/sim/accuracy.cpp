@@ -214,9 +214,8 @@ void check_accuracy(double accuracy) {
 SolverChoice choose_solver(const Parameters& p, double tolerance, const DockingModel& model,
                            double speed) {
   SolverChoice c;
-  static_cast<SolverSettings&>(c) = {p.rtol,          p.atol_position,
-                                     p.atol_velocity, p.atol_energy,
-                                     p.step,          find_used_method(p.solver_method)};
+  static_cast<SolverSettings&>(c) = get_settings(p);
+  c.method = find_used_method(p.solver_method);
   if (p.accuracy == 0.0) return c;
   const bool is_real_time = p.accuracy == kRealTime;
   // The form with multipliers has its own method.

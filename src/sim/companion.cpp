@@ -179,16 +179,12 @@ void Companion::take_inputs(DockingSim& run) {
 void Companion::take_tunables(DockingSim& run) {
   if (record_.is_lost) return;
   Parameters& own = sim_.parameters();
-  const Parameters settings = own;
+  const SolverSettings settings = get_settings(own);
+  const double accuracy = own.accuracy;
   own = run.parameters();
   own.measures_error = false;
-  own.solver_method = settings.solver_method;
-  own.accuracy = settings.accuracy;
-  own.step = settings.step;
-  own.rtol = settings.rtol;
-  own.atol_position = settings.atol_position;
-  own.atol_velocity = settings.atol_velocity;
-  own.atol_energy = settings.atol_energy;
+  own.accuracy = accuracy;
+  put_settings(settings, own);
   sim_.adopt_tunables();
 }
 

@@ -72,12 +72,7 @@ Parameters find_start_parameters(const Scene& scene) {
   p.restitution_speed = scene.restitution_speed;
   p.model_level = scene.level;
   p.accuracy = scene.accuracy;
-  p.solver_method = scene.solver.method;
-  p.step = scene.solver.step;
-  p.rtol = scene.solver.rtol;
-  p.atol_position = scene.solver.atol_position;
-  p.atol_velocity = scene.solver.atol_velocity;
-  p.atol_energy = scene.solver.atol_energy;
+  put_settings(scene.solver, p);
   p.coupling_mode = scene.coupling_mode;
   p.coupling_expected_step = scene.experiment.step;
   p.hardware_numbers = get_hardware_numbers(scene);

@@ -77,6 +77,19 @@ struct Parameters {
   bool coupling_identify = true;              ///< predict with identified masses
 };
 
+inline SolverSettings get_settings(const Parameters& p) {
+  return {p.rtol, p.atol_position, p.atol_velocity, p.atol_energy, p.step, p.solver_method};
+}
+
+inline void put_settings(const SolverSettings& settings, Parameters& p) {
+  p.rtol = settings.rtol;
+  p.atol_position = settings.atol_position;
+  p.atol_velocity = settings.atol_velocity;
+  p.atol_energy = settings.atol_energy;
+  p.step = settings.step;
+  p.solver_method = settings.method;
+}
+
 /// Inputs: the host may change them at any communication point.
 struct Inputs {
   struct Vehicle {
