@@ -102,7 +102,6 @@ void Instance::setup(double t0, double wanted_tolerance, double stop) {
 
 void Instance::initialise() {
   if (initialised) return;
-  sim.state_error(std::nullopt);
   sim.initialise(start_time, tolerance);
   make_companion(sim.parameters().measures_error);
   if (companion) companion->start(sim, start_time, tolerance);
@@ -184,7 +183,6 @@ void Instance::log_refused() noexcept {
 
 void Instance::reset() {
   companion.reset();
-  sim.state_error(std::nullopt);
   sim.reset();
   variables = make_variables(sim);
   setup(sim.scene().experiment.start, 0.0, kNoStop);

@@ -191,15 +191,15 @@ void Companion::take_tunables(DockingSim& run) {
 void Companion::follow(DockingSim& run, double t, double h) {
   if (record_.is_lost) return;
   record_.is_lost = !sim_.step(t, h).ok();
-  compare(run);
-}
-
-/// @post the output solver.error_estimate of `run`
-void Companion::compare(DockingSim& run) {
   if (!record_.is_lost && run.update(OutputGroup::kMain).ok() &&
       sim_.update(OutputGroup::kMain).ok()) {
     note(record_, run.output_storage(), sim_.output_storage(), run.scene().has_target);
   }
+  state_error(run);
+}
+
+/// @post the output solver.error_estimate of `run`
+void Companion::state_error(DockingSim& run) const {
   run.state_error(record_.is_lost ? 0.0 : std::min(1.0, (1.0 + kOwnError) * record_.error));
 }
 
@@ -242,7 +242,7 @@ void Companion::load(const SavedCompanion& from, DockingSim& run) {
   }
   sim_.load(from.sim);
   record_ = from.record;
-  compare(run);
+  state_error(run);
 }
 
 }  // namespace dockloop

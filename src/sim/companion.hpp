@@ -64,7 +64,7 @@ class Companion {
 
  private:
   bool choose_finer(DockingSim& run, double t0, double tolerance);
-  void compare(DockingSim& run);
+  void state_error(DockingSim& run) const;
 
   DockingSim sim_;
   ErrorRecord record_;

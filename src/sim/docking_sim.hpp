@@ -106,7 +106,8 @@ class DockingSim {
   Outputs& output_storage();
   /// Mark the outputs as out of date (an input or a tunable parameter changed).
   void invalidate_outputs();
-  /// The error of this run is measured: solver.error_estimate has it. None: the statistical value
+  /// The error of this run is measured: solver.error_estimate has it, until initialise() or
+  /// reset(). None: the statistical value
   void state_error(std::optional<double> relative);
   /// The meaning of a Status, in one sentence.
   std::string describe(const Status& status) const;

@@ -146,6 +146,7 @@ DockingSim::Impl::Impl(std::shared_ptr<const Scene> s, FmiKind i, const Comparis
 /// Back to the scene's values. The storage is not moved: the variable table points to it. Copies of
 /// lists keep it, because their sizes follow from the scene; moves would not.
 void DockingSim::Impl::clear() {
+  measured_error.reset();
   const Parameters start_parameters = find_start_parameters(*scene);
   const Inputs start_inputs = find_start_inputs(*scene);
   parameters = start_parameters;
@@ -344,6 +345,7 @@ void DockingSim::Impl::set_start_state() {
 
 /// Fix the set-up from the present parameters and inputs, and start.
 void DockingSim::Impl::initialise(double t0, double tolerance) {
+  measured_error.reset();
   // A driven vehicle starts at its inputs, or at the scene's values if all inputs are zero.
   for (int i : {kChaser, kTarget}) {
     if (scene->motion[i] != Motion::kDriven) continue;
