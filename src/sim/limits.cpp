@@ -29,15 +29,18 @@ void find_distances(const DockingModel& model, const DockingData<double>& data,
 
 double find_hull_overlap(const DockingModel& model, const DockingData<double>& data) {
   constexpr double kRegularised = 1e-9;  // parallel hulls have many closest points
-  const auto place = [&](int i) {
-    const FrameMotion<double>& body = data.vehicle[i];
-    const Hull& hull = *model.hull[i];
-    return Hull{body.p + body.R * hull.from, body.R * (hull.to - hull.from), hull.radius};
+  const Hull &ours = *model.hull[kChaser], &theirs = *model.hull[kTarget];
+  const auto find_start = [&](int i, const Hull& hull) -> Vec3<double> {
+    return data.vehicle[i].p + data.vehicle[i].R * hull.from;
   };
-  const Hull a = place(kChaser), b = place(kTarget);
-  const Closest<double> closest = find_segment_segment<double>(
-      a.from, a.to, a.from + 0.5 * a.to, b.from, b.to, b.from + 0.5 * b.to, kRegularised);
-  return a.radius + b.radius - (closest.second - closest.first).norm();
+  const auto find_way = [&](int i, const Hull& hull) -> Vec3<double> {
+    return data.vehicle[i].R * (hull.to - hull.from);
+  };
+  const Vec3<double> p = find_start(kChaser, ours), dp = find_way(kChaser, ours);
+  const Vec3<double> q = find_start(kTarget, theirs), dq = find_way(kTarget, theirs);
+  const Closest<double> closest =
+      find_segment_segment<double>(p, dp, p + 0.5 * dp, q, dq, q + 0.5 * dq, kRegularised);
+  return ours.radius + theirs.radius - (closest.second - closest.first).norm();
 }
 
 /// Depth over toe of the deepest end stop.
