@@ -9,10 +9,9 @@ the numbers to be found are known. What is not known to the fit:
 3. the worst pair has a profile;
 4. a law of another kind (dry friction in place of a damper) is noticed, noise is not;
 5. filters, offsets, scales, outliers, own values of each test, tests that are held back;
-6. plans expect the deviations that fits then have;
-7. copies of the scene, journals, bad input;
-8. dockings with six legs and impacts: how many runs a fit takes, and what these hide;
-9. data of runs with 32 digits, seen by a rig.
+6. copies of the scene, journals, bad input.
+
+Plans: test_fit_plan.py. Dockings with legs: test_fit_docking.py.
 """
 
 import importlib.util
@@ -22,91 +21,33 @@ import tomllib
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
-from scipy.interpolate import CubicSpline
 
 import dockloop as dl
 from dockloop.base.paths import ROOT
 from dockloop.base.sections import write_text
-from dockloop.runs.solution import make_solution
 from dockloop.studies.fits.problem import filter_low, limit_rate
 from dockloop.studies.fits.report import report_fit
 from dockloop.studies.fits.statistics import estimate
+from fit_rig import (
+    APPROACH,
+    CLOCK,
+    DAMPING,
+    LATER,
+    MASS,
+    RANGES,
+    RIG,
+    SIGMA,
+    STIFFNESS,
+    TIME,
+    C,
+    K,
+    assert_found,
+    fit,
+    move,
+    rub,
+    write_rig,
+)
 from test_cli import assert_refused
-
-RIG = ROOT / "tests" / "data" / "measured_mujoco.csv"
-MASS = 25e3 * 350e3 / 375e3
-STIFFNESS, DAMPING = 23e3, 9e3  # N/m, N s/m: of the rig, not of the scene
-APPROACH = 0.5  # s
-K, C = "mechanism.set.contact.stiffness", "mechanism.set.contact.damping"
-RANGES = {K: (1e4, 4e4), C: (2e3, 4e4)}
-LATER = {"initial.approach_time": APPROACH}
-SIGMA = {"relative.axial": 3e-4, "capture.compression": 20.0}  # m, N
-TIME = np.arange(0.3, 4.5, 0.0137)  # s, of the run at the samples of the rig
-CLOCK = 3.21  # s, of the rig when the run starts
-
-
-def move(time, speed=0.1, stiffness=STIFFNESS, damping=DAMPING):
-    """Distance along the axis [m] and compression [N] of the absorber, in closed form."""
-    s = 0.5 * damping / MASS
-    w = math.sqrt(stiffness / MASS - s**2)
-    t = np.maximum(time - APPROACH, 0.0)
-    depth = speed / w * np.exp(-s * t) * np.sin(w * t)
-    rate = speed * np.exp(-s * t) * (np.cos(w * t) - s / w * np.sin(w * t))
-    force = stiffness * depth + damping * rate
-    end = (math.pi - math.atan2(2.0 * s * w, w**2 - s**2)) / w  # F = 0
-    out = (
-        np.exp(-s * end)
-        * speed
-        * np.array([math.sin(w * end) / w, math.cos(w * end) - s / w * math.sin(w * end)])
-    )
-    depth = np.where(t < end, depth, out[0] + out[1] * (t - end))
-    depth = np.where(time < APPROACH, speed * (time - APPROACH), depth)
-    return -depth, np.where((time < APPROACH) | (t >= end), 0.0, force)
-
-
-def rub(time, friction=300.0):
-    """Move with dry friction, and no damper, by another integrator."""
-
-    def slope(_, y):
-        sign = math.tanh(y[1] / 1e-4)
-        force = max(STIFFNESS * y[0] + friction * sign, 0.0) if y[0] > 0.0 else 0.0
-        return [y[1], -force / MASS]
-
-    start = APPROACH
-    done = solve_ivp(slope, (0, 5), [0.0, 0.1], max_step=1e-3)
-    depth, rate = (np.interp(time - start, done.t, y) for y in done.y)
-    force = np.maximum(STIFFNESS * depth + friction * np.tanh(rate / 1e-4), 0.0)
-    depth = np.where(time < start, 0.1 * (time - start), depth)
-    return -depth, np.where((time < start) | (depth <= 0.0), 0.0, force)
-
-
-def write_rig(path, seed=2, histories=None, clock=CLOCK, **hardware):
-    """Write the table of a test: mm and kN, another clock, 73 Hz, noise."""
-    draw = np.random.default_rng(seed)
-    axial, force = histories or move(TIME, **hardware)
-    rows = zip(
-        TIME + clock,
-        1e3 * (axial + SIGMA["relative.axial"] * draw.normal(size=len(TIME))),
-        1e-3 * (force + SIGMA["capture.compression"] * draw.normal(size=len(TIME))),
-        strict=True,
-    )
-    lines = [f"{t:.5f},{x:.5f},{f:.6f}" for t, x, f in rows]
-    head = "time [s],relative.axial [mm],capture.compression [kN]"
-    path.write_text("\n".join([head, *lines]) + "\n")
-    return path
-
-
-def fit(*data, vary=None, starts=1, **more):
-    found = dl.fit("absorber_1d", data, vary or RANGES, overrides=LATER, starts=starts, **more)
-    assert all(math.isfinite(value) for value in found.values.values())
-    return found
-
-
-def assert_found(found, name, value, sigmas=3.0):
-    deviation = found.deviations[name]
-    assert abs(found.values[name] - value) < sigmas * deviation, (name, found.values, deviation)
-
 
 # ---------------------------------------------------------------------- 1. values and intervals
 
@@ -532,118 +473,7 @@ def test_a_channel_that_only_a_held_back_test_has_is_not_judged_without_noise(tm
     assert not any("not judged" in each for each in stated.summary["hidden"])
 
 
-# ------------------------------------------------------------------------------- 6. plans
-
-
-def test_a_plan_expects_the_deviations_of_the_closed_form():
-    """Samples next to the jump of the force at the contact do not count."""
-    time = np.arange(0.0, 4.5, 0.0137)
-    inside = np.abs(time - APPROACH) > 0.02
-
-    def see(stiffness, damping, shift):
-        seen = move(time + shift, stiffness=stiffness, damping=damping)
-        return np.concatenate([x[inside] / s for x, s in zip(seen, SIGMA.values(), strict=True)])
-
-    tests = [{"name": "rig", "noise": SIGMA}]
-    planned = dl.plan_fit("absorber_1d", tests, RANGES, overrides=LATER, stop=4.5, step=0.0137)
-    own = np.array([*planned["scene_values"].values(), 0.0])
-    ways = np.diag([1.0, 1.0, 1e-4])
-    slopes = np.transpose([(see(*(own + w)) - see(*(own - w))) / (2.0 * w.sum()) for w in ways])
-    wanted = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))[:2]
-    found = list(planned["by_test"]["rig"]["deviations"].values())
-    assert found == pytest.approx(wanted, rel=0.01)
-
-
-def test_a_plan_says_what_tests_determine_only_together():
-    """As a fit of their data would: motions alone are the same with all masses and laws doubled."""
-    vary = {**RANGES, "chaser.mass": (15e3, 40e3)}
-    motion = {"relative.axial": SIGMA["relative.axial"]}
-    tests = [{"name": "motion", "noise": motion}, {"name": "load", "noise": SIGMA}]
-    planned = dl.plan_fit("absorber_1d", tests, vary, overrides=LATER)
-    alone = planned["by_test"]["motion"]
-    assert set(alone["deviations"].values()) == {None}
-    assert {name for row in alone["not_identified"] for name in row["parameters"]} == set(vary)
-    assert not planned["not_identified"]
-    assert planned["order"][0]["test"] == "load"
-    assert set(planned["best"].values()) == {"load"}
-    text = write_text(report_fit(planned))
-    assert "not identified, by motion alone" in text
-    assert "only together" in text
-
-
-def test_a_plan_knows_what_tests_and_sensors_do_not_know():
-    """A factor of the load cell hides all masses; a speed of its own belongs to one test."""
-    tests = [
-        {"name": "a", "noise": SIGMA, "outcome": "captured"},
-        {"name": "b", "noise": SIGMA, "held_back": True},
-    ]
-    planned = dl.plan_fit(
-        "absorber_1d", tests, {"chaser.mass": (15e3, 40e3), **RANGES}, overrides=LATER,
-        vary_each={SPEED: (0.05, 0.2)}, scales="capture.compression",
-    )  # fmt: skip
-    assert planned["by_test"]["a"]["deviations"][f"{SPEED} @ b"] is None
-    assert planned["best"] == {f"{SPEED} @ {name}": name for name in "ab"}
-    together = {name for row in planned["not_identified"] for name in row["parameters"]}
-    assert together == {"chaser.mass", *RANGES}
-    assert "outcome of 'a': measured captured" in write_text(report_fit(planned))
-
-
-def test_a_plan_of_a_load_between_samples_says_so():
-    tests = [{"name": "load", "noise": {"capture.compression": 20.0}}]
-    planned = dl.plan_fit("idss_25t_350t", tests, DOCKING, stop=4, step=0.02)
-    assert set(planned["by_test"]["load"]["deviations"].values()) == {None}
-    assert "between two samples" in planned["hidden"][0]
-
-
-def test_a_plan_names_no_best_test_of_what_none_determines():
-    vary = {K: RANGES[K], "chaser.inertia[2]": (1e5, 2e5)}
-    planned = dl.plan_fit("absorber_1d", {"name": "a", "noise": SIGMA}, vary, overrides=LATER)
-    assert planned["best"] == {K: "a"}
-    text = write_text(report_fit(planned))
-    assert f"a says most about {K}" in text
-    assert "says most about chaser.inertia[2]" not in text
-
-
-def test_a_value_is_at_a_bound_if_it_could_be_on_it(tmp_path):
-    """A value close to the end of a wide range, but many deviations away, and one beyond it."""
-    rig = write_rig(tmp_path / "rig.csv")
-    far = fit(rig, vary={K: (1e4, 1e7), C: RANGES[C]})
-    assert_found(far, K, STIFFNESS)
-    assert not far.summary["at_bound"]
-    near = fit(rig, vary={K: (STIFFNESS + 500.0, 5e4), C: RANGES[C]})
-    assert near.summary["at_bound"] == [K]
-
-
-def test_a_plan_at_a_value_outside_of_its_range_is_refused():
-    """The scene has a stiffness of 20e3 N/m."""
-    with pytest.raises(dl.UsageError) as error:
-        dl.plan_fit("absorber_1d", {"noise": SIGMA}, {K: (3e4, 4e4)})
-    for word in (K, "30000", "40000", "20000", "outside"):
-        assert word in str(error.value)
-
-
-def test_a_plan_expects_the_deviations_of_the_fit(tmp_path):
-    tests = [
-        {"name": "slow", "set": {"initial.closing_speed": 0.03}, "noise": SIGMA},
-        {"name": "fast", "set": {"initial.closing_speed": 0.1}, "noise": SIGMA},
-    ]
-    found = fit(write_rig(tmp_path / "rig.csv"), noise=SIGMA)
-    found.apply(tmp_path / "fitted.toml")  # where derivatives are those of the plan
-    planned = dl.plan_fit(
-        tmp_path / "fitted.toml", tests, RANGES, overrides=LATER, stop=4.5, step=0.0137
-    )
-    assert planned["order"][0]["test"] == "fast"
-    assert set(planned["best"].values()) == {"fast"}
-    expected = planned["by_test"]["fast"]["deviations"]
-    for name in RANGES:  # the rig has 307 samples, the plan 329
-        assert found.deviations[name] == pytest.approx(expected[name], rel=0.1)
-        together = planned["order"][1]["deviations"][name]
-        assert together < min(expected[name], planned["by_test"]["slow"]["deviations"][name])
-        channels = planned["by_test"]["fast"]["channels"]
-        assert expected[name] < min(row[name] for row in channels.values())
-
-
-# ------------------------------------------------------------------- 7. files and bad input
+# ------------------------------------------------------------------- 6. files and bad input
 
 
 def test_the_command_reads_own_names_and_writes_a_copy_of_the_scene(dockloop, tmp_path):
@@ -867,184 +697,3 @@ def test_bad_input_is_refused_in_one_sentence(tmp_path, monkeypatch, change, wor
     assert "\n" not in str(error.value)
     for word in words:
         assert word in str(error.value)
-
-
-# ----------------------------------------------------------------------- 8. dockings with legs
-
-LEGS, FRICTION = "mechanism.set.leg_defaults.damping", "friction.coefficient"
-HARDWARE = {LEGS: 1300.0, FRICTION: 0.16}
-DOCKING = {LEGS: (200.0, 3000.0), FRICTION: (0.0, 0.4)}
-SIGMAS = SIGMA | {"relative.lateral": 3e-4}  # m
-
-
-@pytest.fixture(scope="module")
-def docked():
-    return dl.run(
-        "idss_25t_350t", overrides={LEGS: 1300.0}, start_values={FRICTION: 0.16}, stop=6, step=2e-3
-    )
-
-
-def write_docking(path, run, names, seed, step=0.0137):
-    """Write what sensors of a rig saw of a run: noise, another clock, another rate."""
-    draw = np.random.default_rng(seed)
-    time = np.arange(0.3, run.time[-1] - 0.3, step)
-    noise = {name: SIGMAS[name] * draw.normal(size=len(time)) for name in names}
-    columns = [np.interp(time, run.time, run[name]) + noise[name] for name in names]
-    head = ",".join(["time [s]", *(f"{n} [{run.units[n]}]" for n in names)])
-    np.savetxt(path, np.transpose([time + CLOCK, *columns]), "%.9g", ",", header=head, comments="")
-    return path
-
-
-@pytest.mark.parametrize(
-    ("second", "most"), [("relative.lateral", 16), ("capture.compression", 34)]
-)
-def test_a_fit_of_a_docking_takes_few_runs(tmp_path, docked, second, most):
-    """By hand (least_squares, differences for each): 24 runs; with the load 56, 30 sigma off."""
-    rig = write_docking(tmp_path / "rig.csv", docked, ["relative.axial", second], seed=1)
-    found = dl.fit("idss_25t_350t", rig, DOCKING, stop=6)
-    for name, value in HARDWARE.items():
-        assert_found(found, name, value)
-    shift = found.summary["by_test"]["rig"]["unknowns"]["shift"]
-    assert abs(shift["value"] + CLOCK) < 3.0 * shift["deviation"]
-    assert found.summary["starts"] == {"captured": 1}  # no doubt, so no other start
-    assert found.summary["runs"] <= most
-
-
-def test_four_parameters_of_three_dockings_take_few_runs(tmp_path):
-    """Twenty-two points of three tests: some 8 s of processor."""
-    spring, offset = "mechanism.set.leg_defaults.stiffness", "initial.lateral_offset"
-    hardware = {LEGS: 1300.0, spring: 1900.0, SLIDING: 0.16}
-    data = []
-    for seed, speed in enumerate((0.05, 0.06, 0.08)):
-        run = dl.run("idss_25t_350t", overrides={**hardware, SPEED: speed}, stop=6, step=2e-3)
-        names = ["relative.axial", "relative.lateral"]
-        file = write_docking(tmp_path / f"{seed}.csv", run, names, seed)
-        data.append({"file": str(file), "set": {SPEED: speed}})
-    ranges = {LEGS: (200.0, 3000.0), spring: (500.0, 1e4), SLIDING: (0.0, 0.4), offset: (0.0, 0.1)}
-    found = dl.fit("idss_25t_350t", data, ranges, stop=6)
-    for name, value in {**hardware, offset: 0.05}.items():
-        assert_found(found, name, value)
-    assert not found.summary["hidden"]
-    assert found.summary["runs"] <= 80
-
-
-def test_a_load_with_impacts_alone_ends_in_no_false_valley(tmp_path, docked):
-    """Impacts of 5 to 11 ms. Without means over time 57 runs and more ended 30 sigma off."""
-    names = ["capture.compression"]
-    rig = write_docking(tmp_path / "rig.csv", docked, names, seed=1, step=2e-3)
-    found = dl.fit("idss_25t_350t", rig, DOCKING, stop=6)
-    for name, value in HARDWARE.items():
-        assert_found(found, name, value)
-    assert found.summary["starts"] == {"captured": 1}
-    assert not found.summary["hidden"]
-    assert found.summary["runs"] <= 45
-
-
-def test_impacts_between_two_samples_leave_no_deviation(tmp_path, docked):
-    """At 73 Hz most impacts fall between samples, so valleys are left: which one is not known."""
-    for channels in (["capture.compression"], ["relative.axial", "capture.compression"]):
-        rig = write_docking(tmp_path / "rig.csv", docked, channels, seed=1)
-        found = dl.fit("idss_25t_350t", rig, DOCKING, stop=6, starts=1)
-        is_alone = len(channels) == 1
-        assert any("between two samples" in s for s in found.summary["hidden"]) == is_alone
-        assert all((by is None) == is_alone for by in found.deviations.values())
-
-
-SPEED = "initial.closing_speed"
-
-
-@pytest.mark.parametrize(
-    ("speed", "ends", "start", "outcome"),
-    [(0.018, (5e-3, 0.06), "captured", "undecided"), (0.024, (0.0, 0.03), "undecided", "captured")],
-)
-def test_a_search_crosses_the_boundary_of_capture(tmp_path, speed, ends, start, outcome):
-    """Dockings of 8 s at less than 0.02 m/s are not captured. Searches begin elsewhere."""
-    made = {"overrides": {SPEED: speed}, "start_values": {FRICTION: 0.16}}
-    run = dl.run("idss_25t_350t", **made, stop=8, step=2e-3)
-    file = write_docking(tmp_path / "rig.csv", run, ["relative.axial", "relative.lateral"], seed=1)
-    data = {"file": str(file), "outcome": outcome}
-    found = dl.fit("idss_25t_350t", data, {SPEED: ends, FRICTION: (0.0, 0.4)}, stop=8)
-    assert start in found.summary["starts"]
-    assert found.summary["by_test"]["rig"]["outcome"]["agrees"]
-    assert_found(found, SPEED, speed)
-    assert_found(found, FRICTION, 0.16)
-
-
-@pytest.mark.parametrize(
-    ("speed", "ends"), [(0.06, (-0.15, 0.09)), (0.01, (-0.15, 0.15)), (0.02, (-0.15, 0.15))]
-)
-def test_a_search_goes_around_what_is_refused(tmp_path, speed, ends):
-    """Negative speeds are refused: at the first start, or at a step from there.
-
-    With the third one, the first search ends at a shift that leaves no sample in the run.
-    """
-    rig = write_rig(tmp_path / "rig.csv", speed=speed)
-    found = fit(rig, vary={**RANGES, SPEED: ends}, starts=8)
-    for name, value in ((SPEED, speed), (K, STIFFNESS), (C, DAMPING)):
-        assert_found(found, name, value)
-    assert "closing_speed is -" in found.summary["not_done"][0]
-    assert "runs were not done" in write_text(report_fit(found.summary))
-    assert not found.summary["hidden"]
-
-
-def test_a_search_compares_what_it_found_with_runs_of_another_length(tmp_path):
-    """A first result in doubt, whose runs ended with the data; those of the next starts do not."""
-    rig = write_rig(tmp_path / "rig.csv", speed=0.02)
-    vary = {SPEED: (-0.15, 0.15), **RANGES}
-    found = fit(rig, vary=vary, columns="capture.compression=", starts=3)
-    assert sum(found.summary["starts"].values()) == 3
-    for name, value in ((SPEED, 0.02), (K, STIFFNESS), (C, DAMPING)):
-        assert_found(found, name, value)
-
-
-# ------------------------------------------------------------------------------ 9. 32 digits
-
-OFFSETS = {"capture.compression": 150.0, "relative.lateral": 5e-3}  # N, m
-SLIDING = "contact.friction_coefficient"
-RIGS = {  # by scene: a second channel, the hardware with its ranges, what is known
-    "absorber_1d": (
-        "capture.compression:kN", {K: (STIFFNESS, RANGES[K]), C: (DAMPING, RANGES[C])},
-        {"overrides": LATER, "stop": 5.0},
-    ),
-    "idss_25t_350t": (
-        "relative.lateral:mm", {LEGS: (1300.0, DOCKING[LEGS]), SLIDING: (0.16, DOCKING[FRICTION])},
-        {"overrides": {}, "stop": 4.0},
-    ),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    "scene", ["absorber_1d", pytest.param("idss_25t_350t", marks=pytest.mark.long)]
-)
-def test_numbers_behind_a_run_with_32_digits_are_in_their_intervals(tmp_path, scene):
-    """Resampled, with noise, a clock of its own and an offset, in columns with names of a rig."""
-    second, varied, more = RIGS[scene]
-    hardware = {name: value for name, (value, _) in varied.items()}
-    ranges = {name: ends for name, (_, ends) in varied.items()}
-    names = ["relative.axial", second.partition(":")[0]]
-    overrides = [f"{name}={value!r}" for name, value in (hardware | more["overrides"]).items()]
-    solution = make_solution(scene, names, overrides=overrides, stop=more["stop"], step=5e-3)
-    time = np.arange(0.3, more["stop"] - 0.3, 0.0137)
-    clean = [CubicSpline(solution["time"], solution["output"][name])(time) for name in names]
-    clean[1] = clean[1] + OFFSETS[names[1]]
-    units = np.array([[1e3], [1e-3 if second.endswith("kN") else 1e3]])
-    inside = dict.fromkeys((*hardware, "shift", "offset"), 0)
-    for seed in range(20):
-        noise = np.random.default_rng(200 + seed).normal(size=(2, len(time)))
-        seen = units * (clean + noise * [[SIGMAS[name]] for name in names])
-        table = np.transpose([time + CLOCK, *seen])
-        np.savetxt(tmp_path / "rig.csv", table, "%.9g", ";", header="clock;dx;other", comments="")
-        found = dl.fit(
-            scene, tmp_path / "rig.csv", ranges, **more, offsets=names[1],
-            columns=f"clock=time:s, dx=relative.axial:mm, other={second}",
-        )  # fmt: skip
-        for name, value in hardware.items():
-            low, high = found.summary["intervals"][name]
-            inside[name] += low <= value <= high
-        unknowns = found.summary["by_test"]["rig"]["unknowns"]
-        wanted = {"shift": -CLOCK, f"offset of {names[1]}": OFFSETS[names[1]]}
-        for name, value in wanted.items():
-            by = unknowns[name]
-            inside[name.split()[0]] += abs(by["value"] - value) < 1.96 * by["deviation"]
-        assert not found.summary["hidden"]
-    assert min(inside.values()) >= 16, inside  # of 20: fewer happen once in 400

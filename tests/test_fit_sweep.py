@@ -16,8 +16,8 @@ import pytest
 
 import dockloop as dl
 from dockloop.sweeps.sampling import make_sweep
+from fit_rig import LATER, RANGES, C, K, fit, move, write_rig
 from test_cli import assert_refused
-from test_fit import LATER, RANGES, C, K, fit, move, write_rig
 
 NAMES = [K, C, "chaser.inertia[1]"]
 DEVIATIONS = np.array([0.01, 0.03, 0.2])  # parts of the ranges
