@@ -1,7 +1,15 @@
-"""Programs that tests run in processes of their own: `run`, `call`."""
+"""Programs that tests run in processes of their own: `run`, `call`, and a browser."""
 
 import subprocess
 from typing import Any
+
+import pytest
+
+from dockloop.view.browser import find_browser
+
+needs_browser = pytest.mark.skipif(
+    find_browser() is None, reason="Chromium or Chrome is not installed"
+)
 
 
 def run(*words: object, **more: Any) -> subprocess.CompletedProcess[str]:

@@ -15,12 +15,9 @@ from dockloop.live.bench import Bench, condense, find_range
 from dockloop.live.export import make_exports
 from dockloop.view import browser as chromium
 from live_pages import LONG, REFINED, SMALL, Online, list_own_options, serve
+from programs import needs_browser
 
 DEFAULT = "idss_25t_350t"
-
-needs_browser = pytest.mark.skipif(
-    chromium.find_browser() is None, reason="Chromium or Chrome is not installed"
-)
 
 
 @pytest.fixture(scope="module")

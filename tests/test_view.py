@@ -31,14 +31,11 @@ from dockloop.view import geometry
 from dockloop.view.browser import Browser
 from dockloop.view.page import find_events, write_page
 from dockloop.view.pictures import write_stills
+from programs import needs_browser
 
 DEFAULT = "idss_25t_350t"
 MM = 1e-3
 WEB = paths.ROOT / "scripts" / "dockloop" / "view" / "web"
-
-needs_browser = pytest.mark.skipif(
-    chromium.find_browser() is None, reason="Chromium or Chrome is not installed"
-)
 
 
 @pytest.fixture(scope="module")

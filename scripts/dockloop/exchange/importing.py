@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 
 from dockloop.base import schema
 from dockloop.base.errors import UsageError, names_arguments
-from dockloop.base.files import Kind, write_text
+from dockloop.base.files import Kind, check_suffix, write_text
 from dockloop.base.number import check_number
 from dockloop.base.paths import check_file, shown
 from dockloop.exchange.constructs import FORMATS, GUESSED
@@ -104,8 +104,7 @@ def _explain_singular(error: UsageError, file: str) -> UsageError:
 
 
 def _check_output(output: Path) -> None:
-    if output.suffix != ".json":
-        raise UsageError(f"-o {shown(output)}: must end in .json")
+    check_suffix(output, ".json")
     if output.exists():
         raise UsageError(f"{shown(output)}: is there already; choose another -o")
 

@@ -86,22 +86,22 @@ def match_names(pattern: str, names: Iterable[str], place: str) -> list[str]:
     known = list(names)
     found = [name for name in known if fits(name, pattern)]
     if not found:
-        near = did_you_mean(_forget_indices(pattern), map(_forget_indices, known))
+        near = did_you_mean(_put_index(pattern, "[*]"), (_put_index(n, "[*]") for n in known))
         near = near or _find_near_part(pattern, known)
         raise UsageError(f"{place}: no name that can be set is like '{pattern}'{near}")
     return found
 
 
-def _forget_indices(name: str) -> str:
-    """Return a name with ``*`` for each index, so that patterns are suggested for patterns."""
-    return re.sub(r"\[[^\]]*\]", "[*]", name)
+def _put_index(name: str, index: str) -> str:
+    """Return a name with the same index everywhere: ``[*]``, or none."""
+    return re.sub(r"\[[^\]]*\]", index, name)
 
 
 def _find_near_part(pattern: str, names: list[str]) -> str:
     """Suggest parts of names near to the first part of a pattern that no name has."""
 
     def list_parts(name: str) -> list[str]:
-        return re.sub(r"\[[^\]]*\]", "", name).split(".")
+        return _put_index(name, "").split(".")
 
     known = dict.fromkeys(part for name in names for part in list_parts(name))
     odd = (part for part in list_parts(pattern) if "*" not in part and part not in known)

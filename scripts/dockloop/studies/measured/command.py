@@ -9,7 +9,7 @@ from typing import Any
 
 from dockloop.base.errors import UsageError, did_you_mean
 from dockloop.base.figures import can_draw, save_figure
-from dockloop.base.files import MADE_BY, claim, figure_kind, json_kind
+from dockloop.base.files import MADE_BY, check_suffix, claim, figure_kind, json_kind
 from dockloop.base.histories import parse_columns, read_data
 from dockloop.base.paths import shown
 from dockloop.base.sections import FACTS, Section, list_files
@@ -136,8 +136,7 @@ def _claim(options: argparse.Namespace) -> tuple[Path, Path]:
         raise UsageError(f"--band {options.band:g}: must be above 0 and at most 1")
     result = options.result
     output = options.output or result.parent / f"{result.stem}_compared.json"
-    if output.suffix != ".json":
-        raise UsageError(f"-o {output}: must end in .json")
+    check_suffix(output, ".json")
     figure = output.with_suffix(".png")
     claim(output, json_kind("comparison", COMMAND))
     if not options.no_plots:
