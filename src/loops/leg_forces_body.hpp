@@ -14,12 +14,14 @@ namespace {
 template <class S>
 void put_leg_forces(const MechanismModel& model, const VecX<S>& tau, TreeData<S>& tree,
                     LoopData<S>& loops, PlatformData<S>& at) {
-  Vec3<double> loads = Vec3<double>::Zero();  // their size, added up without a branch per number
+  using Six = Eigen::Array<double, 6, 1>;
+  Six loads = Six::Zero();  // their size, added up without a branch per number
   at.is_loaded = false;
   const auto look_at = [&](int body) {
     const Wrench<S>& load = tree.external[body];
     if constexpr (std::is_same_v<S, double>) {
-      loads += load.f.cwiseAbs() + load.t.cwiseAbs();
+      static_assert(sizeof load == sizeof(Six));
+      loads += Eigen::Map<const Six>(load.f.data()).abs();
       return;
     }
     for (int i = 0; i < 3; ++i) {
@@ -36,7 +38,7 @@ void put_leg_forces(const MechanismModel& model, const VecX<S>& tau, TreeData<S>
     gear.torque = tau[gear.v];
     look_at(gear.body);
   }
-  at.is_loaded = at.is_loaded || !(loads.array() == 0.0).all();
+  at.is_loaded = at.is_loaded || !(loads == 0.0).all();
   if (!at.is_loaded) {
     for (const GearData<S>& gear : at.gears) press_legs(gear, gear.torque, at);
     return;

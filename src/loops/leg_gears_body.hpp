@@ -13,21 +13,17 @@
 namespace dockloop {
 namespace {
 
-/// Rates of the joints of one leg per twist of the platform.
+/// Rate of a joint of a leg per twist of the platform.
 template <class S>
-Eigen::Matrix<S, 3, 6> find_rates_per_twist(const PlatformData<S>& at, const LegPlace& leg) {
-  Mat3<S> axes, rows;  // E in C; inverse of the loop matrix, rows as columns
-  for (int i = 0; i < 9; ++i) {
-    axes(i % 3, i / 3) = at.store.work(leg, legs::kAxesC + i);
-    rows(i % 3, i / 3) = at.store.work(leg, legs::kInverse + i);
-  }
-  const Vec3<S> ring = cast<S>(leg.ring);
-  Eigen::Matrix<S, 3, 6> rates;
-  for (int i = 0; i < 3; ++i) {
-    const Vec3<S> force = S(leg.sign[i]) * (axes * rows.col(i)), moment = ring.cross(force);
-    rates.row(i) << force.transpose(), moment.transpose();
-  }
-  return rates;
+Vec6<S> find_rate_per_twist(const PlatformData<S>& at, const LegPlace& leg, int joint) {
+  Mat3<S> axes;  // E in C
+  Vec3<S> row;   // of the inverse of the loop matrix
+  for (int i = 0; i < 9; ++i) axes(i % 3, i / 3) = at.store.work(leg, legs::kAxesC + i);
+  for (int i = 0; i < 3; ++i) row[i] = at.store.work(leg, legs::kInverse + 3 * joint + i);
+  const Vec3<S> force = S(leg.sign[joint]) * (axes * row);
+  Vec6<S> rate;
+  rate << force, cast<S>(leg.ring).cross(force);
+  return rate;
 }
 
 /// Sum over the terms of a gear. @param get  value of a joint of a leg
@@ -63,92 +59,100 @@ S find_free_acceleration(const PlatformData<S>& at, const LegPlace& leg, int i) 
   return S(leg.sign[i]) * sum;
 }
 
+/// What accelerates the gears on the root, as torques of their joints.
 template <class S>
-S find_free_acceleration(const PlatformData<S>& at, const GearData<S>& gear) {
-  return find_gear_sum(
-      at, gear, [&](const LegPlace& leg, int i) { return find_free_acceleration(at, leg, i); });
+void calc_train_torques(GearTrain<S>& train) {
+  for (size_t i = 0; i < train.joints.size(); ++i) {
+    S torque(0);
+    for (size_t j = 0; j < train.joints.size(); ++j) {
+      torque += train.inertia[i][j] * train.joints[j].acceleration;
+    }
+    train.joints[i].torque = torque;
+  }
 }
 
-/// Rates of gears on the root per twist of C. @pre positions of the legs
+/// @pre positions of the legs
 template <class S>
-void calc_gear_rows(PlatformData<S>& at) {
-  for (GearData<S>& gear : at.gears) {
-    if (gear.on_root) gear.row.setZero();
+void calc_train_rows(PlatformData<S>& at) {
+  std::vector<typename GearTrain<S>::Joint>& joints = at.train.joints;
+  for (auto& joint : joints) {
+    joint.row = find_rate_per_twist(at, at.legs[joint.leg], joint.joint);
   }
-  for (size_t k = 0; k < at.legs.size(); ++k) {
-    Eigen::Matrix<S, 3, 6> rates;
-    bool is_found = false;
-    for (GearData<S>& gear : at.gears) {
-      for (const auto& term : gear.terms) {
-        if (!gear.on_root || term.leg != k) continue;
-        if (!is_found) rates = find_rates_per_twist(at, at.legs[k]);
-        is_found = true;
-        gear.row += S(term.ratio) * rates.row(term.joint).transpose();
-      }
+  for (size_t i = 0; i < joints.size(); ++i) {
+    Vec6<S> pressed = Vec6<S>::Zero();
+    for (size_t j = 0; j < joints.size(); ++j) pressed += at.train.inertia[i][j] * joints[j].row;
+    joints[i].pressed = pressed;
+  }
+}
+
+/// What the gears on the root add to the sums over legs. @param moving  also what R carries
+template <class S>
+void add_train_inertia(const GearTrain<S>& train, bool moving, S* sums) {
+  const auto add_symmetric = [&](int at, const Vec3<S>& x, const Vec3<S>& y) {
+    const S cells[] = {x[0] * y[0], x[1] * y[1], x[2] * y[2],
+                       x[0] * y[1], x[0] * y[2], x[1] * y[2]};
+    for (int i = 0; i < 6; ++i) sums[at + i] += cells[i];
+  };
+  for (const auto& joint : train.joints) {
+    const Vec3<S> v = joint.row.template head<3>(), w = joint.row.template tail<3>();
+    const Vec3<S> t = joint.pressed.template tail<3>();
+    add_symmetric(legs::kSumA, v, joint.pressed.template head<3>());
+    add_symmetric(legs::kSumD, w, t);
+    for (int i = 0; i < 9; ++i) sums[legs::kSumK + i] += t[i % 3] * v[i / 3];
+    if (!moving) continue;
+    for (int i = 0; i < 9; ++i) {
+      sums[legs::kSumAV + i] += joint.momentum[i / 3] * v[i % 3];
+      sums[legs::kSumAW + i] += joint.momentum[i / 3] * w[i % 3];
     }
   }
-}
-
-/// What a gear on the root adds to the sums over legs. @param moving  also what R carries
-template <class S>
-void add_gear_inertia(const GearData<S>& gear, bool moving, S* sums) {
-  const Vec3<S> v = gear.row.template head<3>(), w = gear.row.template tail<3>();
-  const auto add_symmetric = [&](int at, const S& factor, const Vec3<S>& x) {
-    const S cells[] = {x[0] * x[0], x[1] * x[1], x[2] * x[2],
-                       x[0] * x[1], x[0] * x[2], x[1] * x[2]};
-    for (int i = 0; i < 6; ++i) sums[at + i] += factor * cells[i];
-  };
-  add_symmetric(legs::kSumA, gear.inertia, v);
-  add_symmetric(legs::kSumD, gear.inertia, w);
-  for (int i = 0; i < 9; ++i) sums[legs::kSumK + i] += gear.inertia * w[i % 3] * v[i / 3];
   if (!moving) return;
-  const Vec6<S> cells = get_components(gear.frozen);
-  for (int i = 0; i < 3; ++i) sums[legs::kSumH + i] += gear.first_moment[i];
+  const Vec6<S> cells = get_components(train.frozen);
+  for (int i = 0; i < 3; ++i) sums[legs::kSumH + i] += train.first_moment[i];
   for (int i = 0; i < 6; ++i) sums[legs::kSumJ + i] += cells[i];
-  const Vec3<S> momentum = gear.inertia * gear.axis;  // per rate
-  for (int i = 0; i < 9; ++i) {
-    sums[legs::kSumAV + i] += momentum[i / 3] * v[i % 3];
-    sums[legs::kSumAW + i] += momentum[i / 3] * w[i % 3];
-  }
 }
 
 /// Positions of the legs and all sums of the platform.
 template <class S>
 bool calc_position_sums(PlatformData<S>& at, bool moving, double least) {
   if (!at.store.calc_position(at.motion, moving, least, at.sums.data())) return false;
-  if (at.gears.empty()) return true;
-  calc_gear_rows(at);
-  for (const GearData<S>& gear : at.gears) {
-    if (gear.on_root) add_gear_inertia(gear, moving, at.sums.data());
-  }
+  if (at.train.joints.empty()) return true;
+  calc_train_rows(at);
+  add_train_inertia(at.train, moving, at.sums.data());
   return true;
 }
 
-/// What moves a gear on a root that does not accelerate, about the origin of R, R.
-/// @param w  angular velocity of R, R. @param rate, acceleration  of the gear
+/// What moves the gears on a root that does not accelerate, about the origin of R, R.
+/// @pre accelerations of their joints
 template <class S>
-Wrench<S> find_gear_load(const GearData<S>& gear, const Vec3<S>& w, const S& rate,
-                         const S& acceleration) {
-  const Vec3<S> momentum = gear.inertia * gear.axis;
-  const Vec3<S> turned = w.cross(gear.frozen * w) + rate * w.cross(momentum);
-  return {w.cross(w.cross(gear.first_moment)), turned + acceleration * momentum};
+Wrench<S> find_train_load(const PlatformData<S>& at) {
+  const GearTrain<S>& train = at.train;
+  const Vec3<S> w = as_vector(at.motion.root);
+  Vec3<S> momentum = train.frozen * w, moment = Vec3<S>::Zero();
+  for (const auto& joint : train.joints) {
+    const LegPlace& leg = at.legs[joint.leg];
+    const S rate = S(leg.sign[joint.joint]) * at.store.work(leg, legs::kRate + joint.joint);
+    momentum += rate * joint.momentum;
+    moment += joint.acceleration * joint.momentum;
+  }
+  return {w.cross(w.cross(train.first_moment)), w.cross(momentum) + moment};
 }
 
 /// Loads of the gears on the root at zero joint accelerations, into the sums of bias.
 template <class S>
-void add_gear_biases(bool moving, PlatformData<S>& at) {
-  for (const GearData<S>& gear : at.gears) {
-    if (!gear.on_root) continue;
-    const S free = find_free_acceleration(at, gear);
-    const S torque = gear.inertia * free;
-    as_vector(&at.bias[legs::kSumTipForce]) += torque * gear.row.template head<3>();
-    as_vector(&at.bias[legs::kSumTipMoment]) += torque * gear.row.template tail<3>();
-    if (!moving) continue;
-    const Wrench<S> load =
-        find_gear_load<S>(gear, as_vector(at.motion.root), find_gear_rate(at, gear), free);
-    as_vector(&at.bias[legs::kSumRootForce]) += load.f;
-    as_vector(&at.bias[legs::kSumRootMoment]) += load.t;
+void add_train_bias(bool moving, PlatformData<S>& at) {
+  if (at.train.joints.empty()) return;
+  for (auto& joint : at.train.joints) {
+    joint.acceleration = find_free_acceleration(at, at.legs[joint.leg], joint.joint);
   }
+  calc_train_torques(at.train);
+  for (const auto& joint : at.train.joints) {
+    as_vector(&at.bias[legs::kSumTipForce]) += joint.torque * joint.row.template head<3>();
+    as_vector(&at.bias[legs::kSumTipMoment]) += joint.torque * joint.row.template tail<3>();
+  }
+  if (!moving) return;
+  const Wrench<S> load = find_train_load(at);
+  as_vector(&at.bias[legs::kSumRootForce]) += load.f;
+  as_vector(&at.bias[legs::kSumRootMoment]) += load.t;
 }
 
 /// A torque on the joint of a gear, onto the joints of legs that turn the gear.
@@ -160,14 +164,6 @@ void press_legs(const GearData<S>& gear, const S& torque, PlatformData<S>& at) {
   }
 }
 
-/// Acceleration of a gear on the root. @pre calc_bias; motion.dot_v, dot_w
-template <class S>
-S find_gear_acceleration(const PlatformData<S>& at, const GearData<S>& gear) {
-  return find_free_acceleration(at, gear) +
-         gear.row.template head<3>().dot(as_vector(at.motion.dot_v)) +
-         gear.row.template tail<3>().dot(as_vector(at.motion.dot_w));
-}
-
 /// Loads of legs and gears at the accelerations of at.motion; the legs feel the gears on the root.
 template <class S>
 void calc_load_sums(PlatformData<S>& at, std::array<S, legs::kLoadSums>& sums) {
@@ -175,24 +171,27 @@ void calc_load_sums(PlatformData<S>& at, std::array<S, legs::kLoadSums>& sums) {
   for (size_t k = 0; k < at.legs.size() && !at.gears.empty(); ++k) {
     for (int i = 0; i < 3; ++i) at.force[k][i] = at.store.work(at.legs[k], legs::kForce + i);
   }
-  for (const GearData<S>& gear : at.gears) {
-    if (!gear.on_root) continue;
-    const S torque = gear.inertia * (find_gear_acceleration(at, gear) + gear.axis.dot(alpha));
-    press_legs(gear, S(-torque), at);
+  GearTrain<S>& train = at.train;
+  for (auto& joint : train.joints) {
+    joint.acceleration = find_free_acceleration(at, at.legs[joint.leg], joint.joint) +
+                         joint.row.template head<3>().dot(as_vector(at.motion.dot_v)) +
+                         joint.row.template tail<3>().dot(as_vector(at.motion.dot_w));
+  }
+  calc_train_torques(train);
+  for (const auto& joint : train.joints) {
+    const LegPlace& leg = at.legs[joint.leg];
+    at.store.work(leg, legs::kForce + joint.joint) -=
+        S(leg.sign[joint.joint]) * (joint.torque + joint.momentum.dot(alpha));
   }
   at.store.calc_loads(at.motion, sums.data());
   for (size_t k = 0; k < at.legs.size() && !at.gears.empty(); ++k) {
     for (int i = 0; i < 3; ++i) at.store.work(at.legs[k], legs::kForce + i) = at.force[k][i];
   }
-  for (const GearData<S>& gear : at.gears) {
-    if (!gear.on_root) continue;
-    const Wrench<S> load =
-        find_gear_load<S>(gear, as_vector(at.motion.root), find_gear_rate(at, gear),
-                          find_gear_acceleration(at, gear));
-    as_vector(&sums[legs::kSumLoad]) += load.f + gear.mass * a + alpha.cross(gear.first_moment);
-    as_vector(&sums[legs::kSumLoadMoment]) +=
-        load.t + gear.frozen * alpha + gear.first_moment.cross(a);
-  }
+  if (train.joints.empty()) return;
+  const Wrench<S> load = find_train_load(at);
+  as_vector(&sums[legs::kSumLoad]) += load.f + train.mass * a + alpha.cross(train.first_moment);
+  as_vector(&sums[legs::kSumLoadMoment]) +=
+      load.t + train.frozen * alpha + train.first_moment.cross(a);
 }
 
 /// Forces of the couplings of gears, last first: a gear also turns those that name it.

@@ -114,17 +114,31 @@ struct GearData {
   double constant = 0.0;
   std::vector<Term> terms;   ///< its coordinate is the constant and the sum of these
   bool is_reported = false;  ///< its coordinate and rate are found in every evaluation
-  bool on_root = false;      ///< else its inertia is a part of its leg (legs::kSpin)
+  bool on_root = false;      ///< then it is a part of the GearTrain, else of its leg (legs::kSpin)
   S inertia = S(0);          ///< about its axis [kg m2]
   Vec3<S> axis;              ///< R; of gears on tube or rod: E
-  // Of gears on the root
-  S mass = S(0);
-  Vec3<S> first_moment;  ///< about the origin of R, R [kg m]
-  Mat3<S> frozen;        ///< inertia of the body there, R [kg m2]
-  Vec6<S> row;           ///< its rate per twist of C
   // Loads
   S torque = S(0);  ///< of forces and loads on its joint [N m]
   Wrench<S> load;   ///< from outside, passed on to the carrier; about its origin, base axes
+};
+
+/// All gears on the root together, as the joints of legs that turn them feel their inertia.
+template <class S>
+struct GearTrain {
+  struct Joint {
+    size_t leg = 0;
+    int joint = 0;
+    Vec3<S> momentum = Vec3<S>::Zero();  ///< of the gears per rate of this joint, R [kg m2]
+    Vec6<S> row = Vec6<S>::Zero();       ///< its rate per twist of C
+    Vec6<S> pressed = Vec6<S>::Zero();   ///< torque that accelerates the gears, per twist of C
+    S acceleration = S(0), torque = S(0);
+  };
+  std::vector<Joint> joints;
+  std::vector<std::vector<S>> inertia;  ///< per joint and joint [kg m2]
+  // Of the gears, frozen, about the origin of R, R
+  S mass = S(0);
+  Vec3<S> first_moment = Vec3<S>::Zero();
+  Mat3<S> frozen = Mat3<S>::Zero();
 };
 
 /// Everything computed for one platform.
@@ -133,6 +147,7 @@ struct PlatformData {
   PlatformData(const MechanismModel& model, const LoopPlan& plan, const LegPlatform& platform);
   std::vector<LegPlace> legs;
   std::vector<GearData<S>> gears;
+  GearTrain<S> train;
   std::vector<int> gear_bodies;
   std::vector<Vec3<S>> force;  ///< with gears: scratch, forces in the joints of each leg
   std::vector<ReportedJoint> reported;

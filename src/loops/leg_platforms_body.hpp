@@ -131,10 +131,10 @@ double find_square_margin(const PlatformData<S>& at, const LegPlace& leg) {
 /// H of one leg. v_dep = H v_low
 template <class S>
 void calc_leg_map(const PlatformData<S>& at, const LegPlace& leg, BlockData<S>& data) {
-  const Eigen::Matrix<S, 3, 6> rates = find_rates_per_twist(at, leg);
   for (int i = 0; i < 3; ++i) {
+    const Vec6<S> rate = find_rate_per_twist(at, leg, i);
     for (int j = 0; j < at.J.cols(); ++j) {
-      data.H(leg.form.joint[i].row, j) = rates.row(i).dot(at.J.col(j));
+      data.H(leg.form.joint[i].row, j) = rate.dot(at.J.col(j));
     }
   }
 }
@@ -262,11 +262,11 @@ void add_leg_columns(const LoopPlan& plan, const LoopData<S>& loops, MatX<S>& co
   for (size_t n = 0; n < plan.platforms.size(); ++n) {
     const PlatformData<S>& at = loops.platform[n];
     for (const LegPlace& leg : at.legs) {
-      const Eigen::Matrix<S, 3, 6> rates = find_rates_per_twist(at, leg);
       for (int i = 0; i < 3; ++i) {
+        const Vec6<S> per_twist = find_rate_per_twist(at, leg, i);
         columns.col(leg.v[i]).setZero();
         for (int j = 0; j < at.J.cols(); ++j) {
-          const S rate = rates.row(i).dot(at.J.col(j));
+          const S rate = per_twist.dot(at.J.col(j));
           columns.col(leg.v[i]) += rate * columns.col(plan.platforms[n].low[j]);
         }
       }
@@ -335,9 +335,7 @@ PositionSums<S> find_all_sums(const PlatformData<S>& at) {
     for (int i = 0; i < legs::kParameters; ++i) parameter[i] = at.store.get(leg, i);
     calc_one_position<N, S>(leg.type, parameter, work, at.motion, true, 0.0, sums.data());
   }
-  for (const GearData<S>& gear : at.gears) {
-    if (gear.on_root) add_gear_inertia(gear, true, sums.data());
-  }
+  if (!at.train.joints.empty()) add_train_inertia(at.train, true, sums.data());
   return sums;
 }
 
@@ -552,7 +550,7 @@ LegBias<S> find_leg_bias(const MechanismModel& model, const LegPlatform& platfor
     root << R.transpose() * tree.a[platform.root], R.transpose() * tree.alpha[platform.root];
   }
   at.store.calc_bias(at.motion, moving, at.bias.data());
-  add_gear_biases(moving, at);
+  add_train_bias(moving, at);
   Vec6<S> tip;
   tip << as_vector(&at.bias[legs::kSumTipForce]), as_vector(&at.bias[legs::kSumTipMoment]);
   if (moving) tip += find_carried(at.sums).transpose() * root;

@@ -184,10 +184,7 @@ GearData<S> make_gear(const MechanismModel& model, const LegPlatform& platform, 
   }
   made.on_root = gear.carrier == platform.root;
   made.inertia = S(find_axial_inertia(body));
-  const Pose<N> pose{cast<N>(body.placement.R), cast<N>(body.placement.p)};
-  const BodyMoments<N> moments = find_moments<N>(body, pose);
-  made.mass = S(body.mass);
-  made.axis = cast<S>(Vec3<N>(pose.R * cast<N>(body.axis)));
+  made.axis = cast<S>(Vec3<N>(cast<N>(body.placement.R) * cast<N>(body.axis)));
   if (!made.on_root) {
     const LegPlace& leg = legs[made.terms[0].leg];
     const Body& rod = model.bodies[leg.body[2]];
@@ -195,10 +192,39 @@ GearData<S> make_gear(const MechanismModel& model, const LegPlatform& platform, 
     if (gear.carrier != leg.body[2]) slide = rod.placement.R * slide;
     made.axis = Vec3<S>(S(slide.dot(body.placement.R * body.axis)), S(0), S(0));
   }
-  made.first_moment = cast<S>(moments.first);
-  made.frozen = cast<S>(moments.inertia);
-  made.row.setZero();
   return made;
+}
+
+/// A gear on the root takes its part in the inertia of the joints that turn it.
+template <class S>
+void add_to_train(const Body& body, const GearData<S>& gear, GearTrain<S>& train) {
+  using N = typename LegStore<S>::Constant;
+  const Pose<N> pose{cast<N>(body.placement.R), cast<N>(body.placement.p)};
+  const BodyMoments<N> moments = find_moments<N>(body, pose);
+  train.mass += S(moments.mass);
+  train.first_moment += cast<S>(moments.first);
+  train.frozen += cast<S>(moments.inertia);
+  std::vector<S> ratio(train.joints.size(), S(0));
+  for (const auto& term : gear.terms) {
+    const auto same = [&](const auto& joint) {
+      return joint.leg == term.leg && joint.joint == term.joint;
+    };
+    const auto found = std::find_if(train.joints.begin(), train.joints.end(), same);
+    if (found == train.joints.end()) {
+      train.joints.push_back({term.leg, term.joint});
+      ratio.push_back(S(term.ratio));
+    } else {
+      ratio[static_cast<size_t>(found - train.joints.begin())] += S(term.ratio);
+    }
+  }
+  train.inertia.resize(ratio.size());
+  for (size_t i = 0; i < ratio.size(); ++i) {
+    train.inertia[i].resize(ratio.size(), S(0));
+    for (size_t j = 0; j < ratio.size(); ++j) {
+      train.inertia[i][j] += gear.inertia * ratio[i] * ratio[j];
+    }
+    train.joints[i].momentum += gear.inertia * ratio[i] * gear.axis;
+  }
 }
 
 }  // namespace
@@ -230,6 +256,7 @@ PlatformData<S>::PlatformData(const MechanismModel& model, const LoopPlan& plan,
   store.finish();
   for (const LegGear& gear : platform.gears) {
     gears.push_back(make_gear<S>(model, platform, gear, legs));
+    if (gears.back().on_root) add_to_train(model.bodies[gear.body], gears.back(), train);
     gear_bodies.push_back(gear.body);
     mass += S(model.bodies[gear.body].mass);
   }
