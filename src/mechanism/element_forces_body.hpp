@@ -1,6 +1,8 @@
 // Forces of elements, for any scalar; see element_forces.hpp.
 #pragma once
 
+#include <algorithm>
+
 #include "math/ramp.hpp"
 #include "math/scalar.hpp"
 #include "mechanism/element_forces.hpp"
@@ -23,6 +25,7 @@ template <class S>
 struct FailureEffect {
   S factor = S(1), rate = S(0);
   double delay = 0.0;
+  bool fades = false;  ///< else the factor is one, and its rate zero
 };
 
 template <class S>
@@ -48,6 +51,7 @@ FailureEffect<S> find_failure(const MechanismModel& model, size_t element, size_
     const S g = S(1) + S(last - 1.0) * fade.share;
     effect.rate = effect.rate * g + effect.factor * S(last - 1.0) * fade.rate;
     effect.factor = effect.factor * g;
+    effect.fades = true;
   }
   return effect;
 }
@@ -69,31 +73,37 @@ void scale_terms(const FailureEffect<S>& effect, LawTerms<S>& terms) {
   }
 }
 
-/// A law with the numbers of the file; a motor or drive may start late.
 template <class S>
-LawTerms<S> calc_stated_law(const ForceLaw& law, LawInput<S> in, const FailureEffect<S>& effect) {
-  in.time = in.time - S(effect.delay);
+LawTerms<S> calc_any_law(const ForceLaw& law, const LawInput<S>& in) {
   return std::visit([&](const auto& each) { return calc_law(each, in); }, law);
 }
 
-/// A law that a sequence has switched. @param effect  of failures; an eddy brake that is not
-/// engaged is as one that has failed
+/// A law as a sequence has switched it; a motor or drive with the numbers of the file may start
+/// late. @param[in, out] effect  of failures; an eddy brake that is not engaged is as one that has
+/// failed
 template <class S>
-LawTerms<S> calc_switched_law(const ForceLaw& law, const LawSetting& setting, LawInput<S> in,
+LawTerms<S> calc_switched_law(const ForceLaw& law, const LawSetting* setting, LawInput<S>& in,
                               FailureEffect<S>& effect) {
-  in.engagement = in.engagement * S(setting.engagement);
-  if (std::holds_alternative<EddyLaw>(law)) effect.factor = effect.factor * S(setting.engagement);
-  const DriveLaw* drive = std::get_if<DriveLaw>(&law);
-  if (!drive || setting.drive == LawSetting::Drive::kAsStated) {
-    return calc_stated_law(law, in, effect);
+  const DriveLaw* drive = nullptr;
+  if (setting) {
+    in.engagement = S(setting->engagement);
+    if (std::holds_alternative<EddyLaw>(law) && setting->engagement != 1.0) {
+      effect.factor = effect.factor * in.engagement;
+      effect.fades = true;
+    }
+    if (setting->drive != LawSetting::Drive::kAsStated) drive = std::get_if<DriveLaw>(&law);
   }
-  if (setting.drive == LawSetting::Drive::kOff) return {};
+  if (!drive) {
+    if (effect.delay != 0.0) in.time = in.time - S(effect.delay);
+    return calc_any_law(law, in);
+  }
+  if (setting->drive == LawSetting::Drive::kOff) return {};
   DriveLaw running = *drive;
-  running.target = setting.target;
-  running.speed = setting.is_held ? 0.0 : setting.speed;
-  running.acceleration = setting.acceleration;
-  running.deceleration = setting.deceleration;
-  in.time = in.time - S(setting.since);
+  running.target = setting->target;
+  running.speed = setting->is_held ? 0.0 : setting->speed;
+  running.acceleration = setting->acceleration;
+  running.deceleration = setting->deceleration;
+  in.time = in.time - S(setting->since);
   return calc_law(running, in);
 }
 
@@ -141,6 +151,8 @@ Status calc_element_forces(const MechanismModel& model, const VecX<S>& q, const 
                            const S* z, ElementData<S>& data, VecX<S>& tau) {
   Status found;
   data.sums = ElementSums<S>();
+  const bool has_failures = std::any_of(model.failures.begin(), model.failures.end(),
+                                        [](const LawFailure& failure) { return failure.active; });
   int bristle = 0;
   size_t first_law = 0;  // of the element, among all laws
   for (size_t e = 0; e < model.elements.size(); ++e) {
@@ -153,14 +165,14 @@ Status calc_element_forces(const MechanismModel& model, const VecX<S>& q, const 
     S force(0), saturation(0);
     const auto add = [&](size_t k, bool is_brake) {
       const ForceLaw& law = element.laws[k];
-      FailureEffect<S> failure = find_failure(model, e, k, time, switches.entered);
+      FailureEffect<S> failure;
+      if (has_failures) failure = find_failure(model, e, k, time, switches.entered);
       in.time = time;
       in.engagement = S(1);
       in.health = failure.factor;
-      LawTerms<S> terms = switches.setting
-                              ? calc_switched_law(law, switches.setting[first_law + k], in, failure)
-                              : calc_stated_law(law, in, failure);
-      if (!is_brake) scale_terms(failure, terms);
+      const LawSetting* setting = switches.setting ? switches.setting + first_law + k : nullptr;
+      LawTerms<S> terms = calc_switched_law(law, setting, in, failure);
+      if (failure.fades && !is_brake) scale_terms(failure, terms);
       force += terms.force;
       saturation = std::max<S>(saturation, terms.saturation);
       add_terms(law, terms, data.sums);
