@@ -220,7 +220,7 @@ inline NodesFound add_nodes(const ContactModel& model, const NodeSet& set,
   contact.damping = law.damping;
   contact.friction_coefficient = law.friction_coefficient;
   contact.friction_speed = law.friction_speed;
-  alignas(64) double lanes[nodes::kNodeSums][kGroup] = {};
+  alignas(64) double lanes[nodes::kNodeSums][kSumLanes] = {};
   const auto find_count = [&](size_t g) {
     return std::min(kGroup, set.count - static_cast<int>(g) * kGroup);
   };

@@ -43,11 +43,11 @@ enum NodeSum {
 enum class Touch { kNone, kShallow, kDeep };
 
 struct NodeFunctions {
-  /// Adds to sums[row][lane]; adds nothing for kNone. For kDeep the sums are not valid.
+  /// Adds to sums[row]; adds nothing for kNone. For kDeep the sums are not valid.
   /// @param count  nodes in the group
   Touch (*add_group)(const NodeGroup& group, int count, const NodeContact& contact, bool ways,
-                     NodeGaps& gaps, double (*sums)[kGroup]);
-  void (*add_lanes)(const double (*row)[kGroup], int count, double* sums);
+                     NodeGaps& gaps, double (*sums)[kSumLanes]);
+  void (*add_lanes)(const double (*row)[kSumLanes], int count, double* sums);
 };
 
 extern const NodeFunctions kBaseFunctions;

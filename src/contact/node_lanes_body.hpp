@@ -10,9 +10,10 @@ using namespace lanes;
 
 template <bool kOnPassive>
 Touch add_nodes(const NodeGroup& group, int at, Mask used, const NodeContact& contact, bool ways,
-                NodeGaps& gaps, double (*sums)[kGroup]) {
+                NodeGaps& gaps, double (*sums)[kSumLanes]) {
   const Cells in{const_cast<double (*)[kGroup]>(group.position), at};
-  const Cells total{sums, at}, way{gaps.way, at};
+  const Cells way{gaps.way, at};
+  const Sums total{{sums, at}};
   const M R = {spread3(contact.R), spread3(contact.R + 3), spread3(contact.R + 6)};
   const V p = spread3(contact.p), x = in.get_vector(0);
   const Lanes zero{};
@@ -65,7 +66,7 @@ Touch add_nodes(const NodeGroup& group, int at, Mask used, const NodeContact& co
 }
 
 Touch add_group(const NodeGroup& group, int count, const NodeContact& contact, bool ways,
-                NodeGaps& gaps, double (*sums)[kGroup]) {
+                NodeGaps& gaps, double (*sums)[kSumLanes]) {
   Touch touch = Touch::kNone;
   for (int at = 0; at < kGroup; at += LANES) {
     Mask used;
@@ -78,7 +79,7 @@ Touch add_group(const NodeGroup& group, int count, const NodeContact& contact, b
   return touch;
 }
 
-void add_all_lanes(const double (*row)[kGroup], int count, double* sums) {
+void add_all_lanes(const double (*row)[kSumLanes], int count, double* sums) {
   add_lanes(row, count, sums);
 }
 

@@ -46,12 +46,13 @@ template <bool kMoving>
 bool calc_all_positions(LegGroup* groups, int count, const PlatformMotion<double>& platform,
                         double least, double* sums) {
   constexpr int kSums = kMoving ? kPositionSums : kFixedSums;
-  alignas(64) double sum[kSums][kGroup] = {};
+  alignas(64) double sum[kSums][kSumLanes];
+  __builtin_memset(sum, 0, sizeof sum);
   const M R = spread9<Lanes>(platform.R);
   const V p = spread3(platform.p);
   const bool fine =
       visit_legs(groups, count, [&](auto leg, const Cells& in, const Cells& work, int at) {
-        return calc_leg_position<kMoving>(leg, in, work, Cells{{sum, at}}, R, p, least) ==
+        return calc_leg_position<kMoving>(leg, in, work, Sums{{sum, at}}, R, p, least) ==
                Reached::kYes;
       });
   if (fine) add_lanes(sum, kSums, sums);
@@ -83,9 +84,10 @@ template <bool kMoving>
 void calc_all_biases(LegGroup* groups, int count, const PlatformMotion<double>& platform,
                      double* sums) {
   constexpr int kSums = kMoving ? kBiasSums : kFixedBiasSums;
-  alignas(64) double sum[kSums][kGroup] = {};
+  alignas(64) double sum[kSums][kSumLanes];
+  __builtin_memset(sum, 0, sizeof sum);
   visit_legs(groups, count, [&](auto leg, const Cells& in, const Cells& work, int at) {
-    calc_leg_bias<kMoving>(leg, in, work, Cells{{sum, at}}, platform);
+    calc_leg_bias<kMoving>(leg, in, work, Sums{{sum, at}}, platform);
     return true;
   });
   add_lanes(sum, kSums, sums);
@@ -99,9 +101,10 @@ void calc_all_biases(LegGroup* groups, int count, const PlatformMotion<double>& 
 
 [[gnu::flatten]] void calc_loads(LegGroup* groups, int count,
                                  const PlatformMotion<double>& platform, double* sums) {
-  alignas(64) double sum[kLoadSums][kGroup] = {};
+  alignas(64) double sum[kLoadSums][kSumLanes];
+  __builtin_memset(sum, 0, sizeof sum);
   visit_legs(groups, count, [&](auto leg, const Cells& in, const Cells& work, int at) {
-    calc_leg_loads(leg, in, work, Cells{{sum, at}}, platform);
+    calc_leg_loads(leg, in, work, Sums{{sum, at}}, platform);
     return true;
   });
   add_lanes(sum, kLoadSums, sums);

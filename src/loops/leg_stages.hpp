@@ -22,8 +22,8 @@ Shape<N> get_shape(const In& in) {
 }
 
 /// Loop, inertia at the tip, and what a leg adds to the sums. @param R, p  pose of C in R
-template <bool kMoving, class AnyLeg, class P, class In, class Out>
-Reached calc_leg_position(AnyLeg leg, const In& in, const Out& work, const Out& total,
+template <bool kMoving, class AnyLeg, class P, class In, class Out, class Total>
+Reached calc_leg_position(AnyLeg leg, const In& in, const Out& work, const Total& total,
                           const Matrix<P>& R, const Vector<P>& p, double least) {
   using N = typename In::Number;
   // Where the tip must be, and the joint coordinates that bring it there.        [Y2 (9a), (9b)]
@@ -153,8 +153,8 @@ auto find_leg_load(const AnyLeg& leg, const In& in, const Out& work, const AnyMo
 
 /// Load at zero joint accelerations: at the tip and, of the whole leg, at the root.
 /// @pre calc_leg_position, calc_leg_rates, kForce
-template <bool kMoving, class AnyLeg, class In, class Out, class S>
-void calc_leg_bias(AnyLeg leg, const In& in, const Out& work, const Out& total,
+template <bool kMoving, class AnyLeg, class In, class Out, class Total, class S>
+void calc_leg_bias(AnyLeg leg, const In& in, const Out& work, const Total& total,
                    const PlatformMotion<S>& at) {
   using P = typename Out::Number;
   leg.read(in, work);
@@ -196,8 +196,8 @@ void calc_leg_bias(AnyLeg leg, const In& in, const Out& work, const Out& total,
 
 /// Inverse dynamics: accelerations of the joints, force of the cut, and what moves the leg.
 /// @pre calc_leg_bias
-template <class AnyLeg, class In, class Out, class S>
-void calc_leg_loads(AnyLeg leg, const In& in, const Out& work, const Out& total,
+template <class AnyLeg, class In, class Out, class Total, class S>
+void calc_leg_loads(AnyLeg leg, const In& in, const Out& work, const Total& total,
                     const PlatformMotion<S>& at) {
   using P = typename Out::Number;
   leg.read(in, work);

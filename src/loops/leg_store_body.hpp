@@ -51,7 +51,8 @@ template <class N, class S>
 bool calc_one_position(legs::LegType type, const N* parameter, S* one,
                        const legs::PlatformMotion<S>& at, bool moving, double least, S* sums) {
   const lanes::CellsOf<lanes::OneByOne<const N>> in{{parameter}};
-  const lanes::CellsOf<lanes::OneByOne<S>> work{{one}}, total{{sums}};
+  const lanes::CellsOf<lanes::OneByOne<S>> work{{one}};
+  const lanes::SumsOf<lanes::OneByOne<S>> total{{sums}};
   const lanes::Matrix<S> R = lanes::spread9<S>(at.R);
   const lanes::Vector<S> p = lanes::spread3<S>(at.p);
   const legs::Reached reached = legs::visit_leg<N, S>(type, [&](auto leg) {
@@ -69,7 +70,8 @@ template <class N, class S>
 void calc_one_bias(legs::LegType type, const N* parameter, S* one,
                    const legs::PlatformMotion<S>& at, bool moving, S* sums) {
   const lanes::CellsOf<lanes::OneByOne<const N>> in{{parameter}};
-  const lanes::CellsOf<lanes::OneByOne<S>> work{{one}}, total{{sums}};
+  const lanes::CellsOf<lanes::OneByOne<S>> work{{one}};
+  const lanes::SumsOf<lanes::OneByOne<S>> total{{sums}};
   legs::visit_leg<N, S>(type, [&](auto leg) {
     if (moving) return legs::calc_leg_bias<true>(leg, in, work, total, at);
     legs::calc_leg_bias<false>(leg, in, work, total, at);
@@ -80,7 +82,8 @@ template <class N, class S>
 void calc_one_load(legs::LegType type, const N* parameter, S* one,
                    const legs::PlatformMotion<S>& at, S* sums) {
   const lanes::CellsOf<lanes::OneByOne<const N>> in{{parameter}};
-  const lanes::CellsOf<lanes::OneByOne<S>> work{{one}}, total{{sums}};
+  const lanes::CellsOf<lanes::OneByOne<S>> work{{one}};
+  const lanes::SumsOf<lanes::OneByOne<S>> total{{sums}};
   legs::visit_leg<N, S>(type, [&](auto leg) { legs::calc_leg_loads(leg, in, work, total, at); });
 }
 

@@ -67,12 +67,42 @@ struct Register {
 };
 using Cells = CellsOf<Register>;
 
-/// Sums of rows over the lanes of a group, in one order for every instruction set.
-inline void add_lanes(const double (*row)[kGroup], int count, double* sums) {
-  for (int i = 0; i < count; ++i) {
-    const double* x = row[i];
-    sums[i] = ((x[0] + x[4]) + (x[2] + x[6])) + ((x[1] + x[5]) + (x[3] + x[7]));
+/// Sums of which every lane of a register adds to its own part.
+struct SumRegister {
+  using Number = Lanes;
+  double (*row)[kSumLanes];
+  int at;  ///< of the register in its group
+  void add(int i, Lanes x) const {
+    constexpr int kAtOnce = LANES < kSumLanes ? LANES : kSumLanes;
+    typedef double Part __attribute__((vector_size(8 * kAtOnce)));
+    Part part[LANES / kAtOnce];
+    __builtin_memcpy(part, &x, sizeof x);
+    Part& sum = *reinterpret_cast<Part*>(&row[i][at % kSumLanes]);
+    for (const Part& each : part) sum += each;
   }
+};
+using Sums = SumsOf<SumRegister>;
+
+/// Adds up the parts of each sum, in one order for every instruction set.
+inline void add_lanes(const double (*row)[kSumLanes], int count, double* sums) {
+  int i = 0;
+#if LANES >= 4
+  typedef double Four __attribute__((vector_size(32)));
+  for (; i + 4 <= count; i += 4) {  // four rows at once, turned into columns
+    const Four* x = reinterpret_cast<const Four*>(row[i]);
+    const Four a = __builtin_shufflevector(x[0], x[1], 0, 4, 2, 6);
+    const Four b = __builtin_shufflevector(x[0], x[1], 1, 5, 3, 7);
+    const Four c = __builtin_shufflevector(x[2], x[3], 0, 4, 2, 6);
+    const Four d = __builtin_shufflevector(x[2], x[3], 1, 5, 3, 7);
+    const Four even =
+        __builtin_shufflevector(a, c, 0, 1, 4, 5) + __builtin_shufflevector(a, c, 2, 3, 6, 7);
+    const Four odd =
+        __builtin_shufflevector(b, d, 0, 1, 4, 5) + __builtin_shufflevector(b, d, 2, 3, 6, 7);
+    const Four sum = even + odd;
+    __builtin_memcpy(sums + i, &sum, sizeof sum);
+  }
+#endif
+  for (; i < count; ++i) sums[i] = (row[i][0] + row[i][2]) + (row[i][1] + row[i][3]);
 }
 
 }  // namespace

@@ -200,7 +200,13 @@ struct CellsOf : Access {
     put(i, s.xx), put(i + 1, s.yy), put(i + 2, s.zz);
     put(i + 3, s.xy), put(i + 4, s.xz), put(i + 5, s.yz);
   }
-  void add(int i, const T& x) const { put(i, get(i) + x); }
+};
+
+/// Sums in consecutive rows of an array. Access: `add(row, number)`.
+template <class Access>
+struct SumsOf : Access {
+  using Access::add;
+  using T = typename Access::Number;
   void add(int i, const Vector<T>& v) const { add(i, v.x), add(i + 1, v.y), add(i + 2, v.z); }
   void add(int i, const Matrix<T>& m) const { add(i, m.x), add(i + 3, m.y), add(i + 6, m.z); }
   void add(int i, const Symmetric<T>& s) const {
@@ -216,6 +222,7 @@ struct OneByOne {
   S* row;
   const S& get(int i) const { return row[i]; }
   void put(int i, const S& x) const { row[i] = x; }
+  void add(int i, const S& x) const { row[i] = row[i] + x; }
 };
 template <class S>
 struct OneByOne<const S> {
