@@ -89,7 +89,7 @@ inline legs::LegType get_leg_type(LegKind kind) {
 template <class S>
 void solve_leg_with_inverse(LegKind kind, const LegShape& shape, LegBranch branch, const Vec3<S>& L,
                             LegSolution<S>& leg) {
-  legs::visit_leg<double, S>(get_leg_type(kind), [&](auto solved) {
+  legs::visit_kind<double, S>(get_leg_type(kind), [&](auto solved) {
     const bool is_square = kind == LegKind::kR1R2R3Perpendicular;
     const lanes::Vector<S> target =
         is_square ? lanes::Vector<S>{L.z(), L.x(), L.y()} : lanes::Vector<S>{L.x(), L.y(), L.z()};
@@ -110,7 +110,7 @@ void solve_leg_with_inverse(LegKind kind, const LegShape& shape, LegBranch branc
 /// Call work(leg) with a leg of leg_formulas.hpp that stands at this solution.
 template <class S, class Work>
 void visit_solved(LegKind kind, const LegShape& shape, const LegSolution<S>& at, const Work& work) {
-  legs::visit_leg<double, S>(get_leg_type(kind), [&](auto leg) {
+  legs::visit_kind<double, S>(get_leg_type(kind), [&](auto leg) {
     leg.first = {at.c[0], at.s[0]};
     leg.second = {at.c[1], at.s[1]};
     leg.third = {at.c[2], at.s[2]};
@@ -235,7 +235,7 @@ Mat3<S> find_leg_inverse(LegKind kind, const LegShape& shape, const LegSolution<
                          const Mat3<S>& axes) {
   Mat3<S> inverse;
   visit_solved(kind, shape, leg, [&](const auto& solved) {
-    const lanes::Matrix<S> columns = lanes::transpose(solved.find_inverse());
+    const lanes::Matrix<S> columns = lanes::transpose(lanes::fill<S>(solved.find_inverse()));
     inverse << columns.x.x, columns.y.x, columns.z.x, columns.x.y, columns.y.y, columns.z.y,
         columns.x.z, columns.y.z, columns.z.z;
   });

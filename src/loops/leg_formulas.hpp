@@ -26,37 +26,45 @@ Reached find_reached(const P& square, const P&, double) {
 }
 
 /// Mass, first moment, inertia; of cross and whole leg about the centre, of others about the elbow.
-template <class N, class P>
+template <class Mass, class First, class Inertia>
 struct Moments {
-  N m;
-  Vector<P> h;
-  Symmetric<P> J;
+  Mass m;
+  First h;
+  Inertia J;
 };
-template <class N, class A, class B>
-Moments<N, Mix<A, B>> operator+(const Moments<N, A>& a, const Moments<N, B>& b) {
-  return {a.m + b.m, a.h + b.h, a.J + b.J};
+template <class M, class H, class J>
+Moments(M, H, J) -> Moments<M, H, J>;
+template <class A, class B, class C, class D, class E, class F>
+auto operator+(const Moments<A, B, C>& a, const Moments<D, E, F>& b) {
+  return Moments{a.m + b.m, a.h + b.h, a.J + b.J};
 }
-template <class Cells, class N = typename Cells::Number>
-Moments<N, N> get_moments(const Cells& in, int row) {
-  return {in.get(row), in.get_vector(row + 1), in.get_symmetric(row + 4)};
+template <class Cells>
+auto get_moments(const Cells& in, int row) {
+  return Moments{in.get(row), in.get_vector(row + 1), in.get_symmetric(row + 4)};
 }
 /// About another point. @param r  from there to the former one
-template <class N, class P, class B>
-Moments<N, P> shift(const Moments<N, P>& of, const Vector<B>& r) {
-  const Vector<P> q = of.h + of.h + of.m * r;
-  const P trace = dot(r, q);
-  Symmetric<P> J = of.J;
-  J.xx += trace - r.x * q.x;
-  J.yy += trace - r.y * q.y;
-  J.zz += trace - r.z * q.z;
-  J.xy -= r.x * of.h.y + r.y * (of.h.x + of.m * r.x);
-  J.xz -= r.x * of.h.z + r.z * (of.h.x + of.m * r.x);
-  J.yz -= r.y * of.h.z + r.z * (of.h.y + of.m * r.y);
-  return {of.m, of.h + of.m * r, J};
+template <class M, class A, class B, class C, class... S, class D>
+auto shift(const Moments<M, Vector<A, B, C>, Symmetric<S...>>& of, const Vector<D>& r) {
+  const auto q = of.h + of.h + of.m * r;
+  const auto trace = dot(r, q);
+  const auto& h = of.h;
+  const auto& J = of.J;
+  return Moments{
+      of.m, h + of.m * r,
+      Symmetric{J.xx + (trace - r.x * q.x), J.yy + (trace - r.y * q.y), J.zz + (trace - r.z * q.z),
+                J.xy - (r.x * h.y + r.y * (h.x + of.m * r.x)),
+                J.xz - (r.x * h.z + r.z * (h.x + of.m * r.x)),
+                J.yz - (r.y * h.z + r.z * (h.y + of.m * r.y))}};
 }
-template <class N, class P>
-Moments<N, P> shift(const Moments<N, P>& of, Zero) {
+template <class M, class H, class J>
+auto shift(const Moments<M, H, J>& of, Zero) {
   return of;
+}
+
+/// In axes turned back.
+template <class T, class M, class H, class J>
+auto turn_back(const Turn<T>& t, const Moments<M, H, J>& of) {
+  return Moments{of.m, turn_back(t, of.h), turn(reverse(t), of.J)};
 }
 
 /// Rotors on tube or rod that turn with the slide, about its axis; frozen they are a part of their
@@ -68,30 +76,46 @@ struct Spin {
 };
 
 /// Momentum or force, and its moment about centre or elbow, E.
-template <class P>
+template <class F, class M = F>
 struct Wrench {
-  Vector<P> f, n;
+  F f;
+  M n;
 };
-template <class P>
-Wrench<P> operator+(const Wrench<P>& a, const Wrench<P>& b) {
-  return {a.f + b.f, a.n + b.n};
+template <class F, class M>
+Wrench(F, M) -> Wrench<F, M>;
+template <class A, class B, class C, class D>
+auto operator+(const Wrench<A, B>& a, const Wrench<C, D>& b) {
+  return Wrench{a.f + b.f, a.n + b.n};
+}
+
+/// What is not zero for a kind of legs.
+template <class T>
+Zero if_zero(Zero, const T&) {
+  return {};
+}
+template <class Off, class T>
+T if_zero(const Off&, const T& x) {
+  return x;
 }
 
 /// Of a body: acceleration of its point in the elbow (cross: centre), angular velocity and
 /// acceleration, E.
-template <class P, class A>
+template <class A, class W, class Alpha>
 struct Motion {
   A a;
-  Vector<P> w, alpha;
+  W w;
+  Alpha alpha;
 };
+template <class A, class W, class Alpha>
+Motion(A, W, Alpha) -> Motion<A, W, Alpha>;
 
 /// With the momentum of rotors per rate of the slide.
-template <class N, class P>
-Wrench<P> add_spin(const Wrench<P>& w, const Spin<N>& spin) {
-  return {w.f, {w.n.x + spin.momentum, w.n.y, w.n.z}};
+template <class N, class F, class A, class B, class C>
+auto add_spin(const Wrench<F, Vector<A, B, C>>& w, const Spin<N>& spin) {
+  return Wrench{w.f, Vector{w.n.x + spin.momentum, w.n.y, w.n.z}};
 }
-template <class P>
-Wrench<P> add_spin(const Wrench<P>& w, Zero) {
+template <class F, class M>
+auto add_spin(const Wrench<F, M>& w, Zero) {
   return w;
 }
 
@@ -104,15 +128,13 @@ inline Zero get_inertia(Zero) { return {}; }
 
 /// What moves rotors relative to their carrier. @param w  of the carrier
 /// @param rate, acceleration  of the slide
-template <class N, class P, class A>
-Wrench<P> find_spin_load(const Spin<N>& spin, const Vector<P>& w, const P& rate,
-                         const A& acceleration) {
+template <class N, class W, class P, class A>
+auto find_spin_load(const Spin<N>& spin, const W& w, const P& rate, const A& acceleration) {
   const P momentum = spin.momentum * rate;
-  return {{P{}, P{}, P{}}, {P{} + spin.momentum * acceleration, momentum * w.z, -(momentum * w.y)}};
+  return Wrench{Zero(), Vector{spin.momentum * acceleration, momentum * w.z, -(momentum * w.y)}};
 }
-
-template <class P, class A>
-Zero find_spin_load(Zero, const Vector<P>&, const P&, const A&) {
+template <class W, class P, class A>
+Zero find_spin_load(Zero, const W&, const P&, const A&) {
   return {};
 }
 
@@ -128,10 +150,15 @@ Zero find_spin_force(Zero, const P&, const A&) {
 }
 
 /// What moves a body.
-template <class N, class B, class P, class A>
-Wrench<P> find_load(const Moments<N, B>& of, const Motion<P, A>& at) {
-  return {cross(at.alpha, of.h) + cross(at.w, cross(at.w, of.h)) + of.m * at.a,
-          of.J * at.alpha + cross(at.w, of.J * at.w) + cross(of.h, at.a)};
+template <class M, class H, class J, class A, class W, class Alpha>
+auto find_load(const Moments<M, H, J>& of, const Motion<A, W, Alpha>& at) {
+  return Wrench{cross(at.alpha, of.h) + cross(at.w, cross(at.w, of.h)) + of.m * at.a,
+                of.J * at.alpha + cross(at.w, of.J * at.w) + cross(of.h, at.a)};
+}
+
+template <class A, class W, class Alpha>
+Wrench<Zero> find_load(Zero, const Motion<A, W, Alpha>&) {
+  return {};
 }
 
 /// Lengths and assembly branch of a leg.
@@ -141,21 +168,33 @@ struct Shape {
   N l1, height, elbow, flip;
 };
 
-/// What all kinds have.
-template <class N, class P>
+/// What all kinds have. Side: of the components of the tip that may be zero for a kind.
+template <class N, class P, class Side = P>
 struct Leg {
   Turn<P> first, second, third;
-  Vector<P> tip;  ///< from the elbow, E
-  N l1, height;   ///< of the crank
-  P slide;        ///< coordinate of the slide [m]
-  P reach[4];     ///< see kReach
+  Vector<P, Side> tip;  ///< from the elbow, E
+  N l1, height;         ///< of the crank
+  P slide;              ///< coordinate of the slide [m]
+  P reach[4];           ///< see kReach
 
   template <class In, class Out>
   void read(const In& in, const Out& work) {
     second = work.get_turn(kTurns + 2);
-    tip = work.get_vector(kArm);
+    work.read(kArm, tip);
     l1 = in.get(kCrank);
     height = in.get(kCrank + 1);
+  }
+  template <class In>
+  static auto get_tube(const In& in) {
+    return get_moments(in, kTube);
+  }
+  template <class In>
+  static auto get_rod(const In& in) {
+    return get_moments(in, kRod);
+  }
+  template <class In>
+  static auto get_cross(const In& in) {
+    return get_moments(in, kCross);
   }
   template <class Out>
   void write(const Out& work) const {
@@ -180,6 +219,7 @@ struct Leg {
 //   get_axis       of the first joint, E; get_along_axis: component along it, K turned by it
 //   find_first     what force and moment about the elbow do along the first joint
 //   find_last      the same, along the last one
+//   get_tube, get_rod, get_cross   moments of the bodies
 //   find_turned    inertia about the first axis, from moments about the elbow, without the part of
 //                  a point mass in the elbow: kTurned holds that part
 //   place_rod      moments of the rod about the elbow, E, from those at coordinate 0
@@ -188,13 +228,17 @@ struct Leg {
 //   move_rod       motion of the rod. @param rate, acceleration  of the last joint
 
 /// A universal joint and a slide.                                                      [Y2 (9a)]
-template <class N, class P>
-struct SlideLeg : Leg<N, P> {
-  using Base = Leg<N, P>;
+/// @tparam Off  what is off the axis of the slide: numbers, or Zero where tip, tube and rod are
+/// symmetric about it and the cross has no mass. Most legs are so.
+template <class N, class P, class Off>
+struct SlideLeg : Leg<N, P, Mix<Off, P>> {
+  using Side = Mix<Off, P>;
+  using Base = Leg<N, P, Side>;
   using Base::first, Base::second, Base::third, Base::tip, Base::slide;
 
+  static Off get_off(const N& x) { return if_zero(Off(), x); }
   Reached solve(const Shape<N>& shape, const Vector<P>& L, double least) {
-    const Vector<N>& d = shape.tip;
+    const Vector<N, Off> d = {shape.tip.x, get_off(shape.tip.y), get_off(shape.tip.z)};
     const P square = dot(L, L), xi2 = square - d.y * d.y - d.z * d.z;
     const P X2 = L.x * L.x + L.z * L.z - d.z * d.z;
     this->set_reach(xi2, square, X2, square);
@@ -208,50 +252,79 @@ struct SlideLeg : Leg<N, P> {
     first = {(X * L.x + d.z * L.z) * across, (d.z * L.x - X * L.z) * across};
     third = {1.0 + P{}, P{}};
     slide = xi - d.x;
-    tip = {xi, d.y + P{}, d.z + P{}};
+    tip = {xi, Number<Side>::of(d.y), Number<Side>::of(d.z)};
     return reached;
   }
-  Matrix<P> find_axes() const {
+  auto find_axes() const {
     const Turn<P>&a = first, &b = second;
-    return {{a.c * b.c, b.s, -a.s * b.c}, {-a.c * b.s, b.c, a.s * b.s}, {a.s, P{}, a.c}};
+    return Columns{Vector{a.c * b.c, b.s, -a.s * b.c}, Vector{-a.c * b.s, b.c, a.s * b.s},
+                   Vector{a.s, Zero(), a.c}};
   }
-  Matrix<P> find_inverse() const {
+  auto find_inverse() const {
     const P k2y = 1.0 / tip.x, k1z = 1.0 / (second.s * tip.y - second.c * tip.x);
-    const P k2z = k2y * second.s * tip.z * k1z, no{};
-    return {{no, no, k1z},
-            {no, k2y, k2z},
-            {1.0 + no, tip.y * k2y, tip.y * k2z - second.c * tip.z * k1z}};
+    const Side k2z = k2y * second.s * tip.z * k1z;
+    return Columns{Vector{Zero(), Zero(), k1z}, Vector{Zero(), k2y, k2z},
+                   Vector{One(), tip.y * k2y, tip.y * k2z - second.c * tip.z * k1z}};
   }
   Zero find_elbow() const { return {}; }
-  Vector<P> get_axis() const { return {second.s, second.c, P{}}; }
+  auto get_axis() const { return Vector{second.s, second.c, Zero()}; }
   static P get_along_axis(const Vector<P>& v) { return v.y; }
-  P find_first(const Wrench<P>& w) const { return second.s * w.n.x + second.c * w.n.y; }
-  static P find_last(const Wrench<P>& w) { return w.f.x; }
+  static Zero get_along_axis(Zero) { return {}; }
+  template <class F, class M>
+  auto find_first(const Wrench<F, M>& w) const {
+    return second.s * w.n.x + second.c * w.n.y;
+  }
+  template <class F, class M>
+  static auto find_last(const Wrench<F, M>& w) {
+    return w.f.x;
+  }
   template <class In>
   static Spin<N> get_spin(const In& in) {
     return {in.get(kSpin), in.get(kSpin + 1)};
   }
-  P find_turned(const Moments<N, P>& of) const {
+  template <class In>
+  static auto get_body(const In& in, int row) {
+    return Moments{
+        in.get(row), Vector{in.get(row + 1), get_off(in.get(row + 2)), get_off(in.get(row + 3))},
+        Symmetric{in.get(row + 4), in.get(row + 5), in.get(row + 6), get_off(in.get(row + 7)),
+                  get_off(in.get(row + 8)), get_off(in.get(row + 9))}};
+  }
+  template <class In>
+  static auto get_tube(const In& in) {
+    return get_body(in, kTube);
+  }
+  template <class In>
+  static auto get_rod(const In& in) {
+    return get_body(in, kRod);
+  }
+  template <class In>
+  static auto get_cross(const In& in) {
+    return if_zero(Off(), get_moments(in, kCross));
+  }
+  template <class M, class H, class J>
+  P find_turned(const Moments<M, H, J>& of) const {
     const P &s = second.s, &c = second.c;
     return s * s * of.J.xx + 2.0 * s * c * of.J.xy + c * c * of.J.yy;
   }
-  Moments<N, P> place_rod(const Moments<N, N>& rod) const {
-    const Vector<P> h = {rod.h.x + rod.m * slide, rod.h.y + P{}, rod.h.z + P{}};
+  template <class M, class H, class J>
+  auto place_rod(const Moments<M, H, J>& rod) const {
+    const Vector<P, Side> h = {rod.h.x + rod.m * slide, Number<Side>::of(rod.h.y),
+                               Number<Side>::of(rod.h.z)};
     const P spread_x = slide * (rod.h.x + h.x);
-    return {rod.m,
-            h,
-            {rod.J.xx + P{}, rod.J.yy + spread_x, rod.J.zz + spread_x, rod.J.xy - slide * rod.h.y,
-             rod.J.xz - slide * rod.h.z, rod.J.yz + P{}}};
+    return Moments{rod.m, h,
+                   Symmetric{Number<P>::of(rod.J.xx), rod.J.yy + spread_x, rod.J.zz + spread_x,
+                             rod.J.xy - slide * rod.h.y, rod.J.xz - slide * rod.h.z,
+                             Number<Side>::of(rod.J.yz)}};
   }
-  static Wrench<P> carry_last(const Moments<N, P>& rod) {
-    return {{rod.m + P{}, P{}, P{}}, {P{}, rod.h.z, -rod.h.y}};
+  template <class M, class H, class J>
+  static auto carry_last(const Moments<M, H, J>& rod) {
+    return Wrench{Vector{Number<P>::of(rod.m), Zero(), Zero()}, Vector{Zero(), rod.h.z, -rod.h.y}};
   }
-  template <class A, class B>
-  Motion<P, Vector<P>> move_rod(const Motion<P, A>& tube, const P& rate,
-                                const B& acceleration) const {
+  template <class AnyMotion, class B>
+  auto move_rod(const AnyMotion& tube, const P& rate, const B& acceleration) const {
     const P twice = 2.0 * rate;
-    const Vector<P> slip = {P{} + acceleration, twice * tube.w.z, -(twice * tube.w.y)};
-    return {slip + tube.a, tube.w, tube.alpha};
+    const auto slip = Vector{acceleration, twice * tube.w.z, -(twice * tube.w.y)};
+    return Motion{slip + tube.a, tube.w, tube.alpha};
   }
 };
 
@@ -286,44 +359,51 @@ struct CrankLeg : Leg<N, P> {
     tip = {X, d.y + P{}, h};
     return reached;
   }
-  Matrix<P> find_axes() const {
+  auto find_axes() const {
     const P c = first.c * second.c - first.s * second.s;
-    const P s = first.s * second.c + first.c * second.s, no{};
-    return {{c, s, no}, {-s, c, no}, {no, no, 1.0 + no}};
+    const P s = first.s * second.c + first.c * second.s;
+    return Columns{Vector{c, s, Zero()}, Vector{-s, c, Zero()}, Vector{Zero(), Zero(), One()}};
   }
-  Matrix<P> find_inverse() const {
+  auto find_inverse() const {
     const P across = second.s * tip.x + second.c * tip.y, in = 1.0 / (l1 * across);
-    const P in_X = 1.0 / tip.x, no{};
+    const P in_X = 1.0 / tip.x;
     const Vector<P> turn1 = in * tip;
     const Vector<P> both = (l1 * in) * Vector<P>{-second.c, second.s, -(second.c * tip.z * in_X)};
-    return {turn1, both - turn1, {no, no, -in_X}};
+    return Columns{turn1, both - turn1, Vector{Zero(), Zero(), -in_X}};
   }
-  Vector<P> find_elbow() const { return turn_back(second, Vector<N>{l1, N{}, height}); }
-  Vector<P> get_axis() const { return {P{}, P{}, 1.0 + P{}}; }
+  Vector<P> find_elbow() const { return fill<P>(turn_back(second, Vector<N>{l1, N{}, height})); }
+  auto get_axis() const { return Vector{Zero(), Zero(), One()}; }
   static P get_along_axis(const Vector<P>& v) { return v.z; }
-  P find_first(const Wrench<P>& w) const {
+  template <class F, class M>
+  P find_first(const Wrench<F, M>& w) const {
     return w.n.z + l1 * (second.s * w.f.x + second.c * w.f.y);
   }
-  static P find_last(const Wrench<P>& w) { return w.n.y; }
+  template <class F, class M>
+  static P find_last(const Wrench<F, M>& w) {
+    return w.n.y;
+  }
   template <class In>
   static Zero get_spin(const In&) {
     return {};
   }
-  P find_turned(const Moments<N, P>& of) const {
+  template <class M, class H, class J>
+  P find_turned(const Moments<M, H, J>& of) const {
     return of.J.zz + 2.0 * l1 * (second.c * of.h.x - second.s * of.h.y);
   }
-  Moments<N, P> place_rod(const Moments<N, N>& rod) const {
-    return {rod.m, roll(this->third * roll_back(rod.h)), roll(turn(this->third, roll_back(rod.J)))};
+  template <class M, class H, class J>
+  auto place_rod(const Moments<M, H, J>& rod) const {
+    return Moments{rod.m, roll(fill<P>(this->third * roll_back(rod.h))),
+                   roll(fill<P>(turn(this->third, roll_back(rod.J))))};
   }
-  static Wrench<P> carry_last(const Moments<N, P>& rod) {
-    return {{rod.h.z, P{}, -rod.h.x}, {rod.J.xy, rod.J.yy, rod.J.yz}};
+  template <class M, class H, class J>
+  static auto carry_last(const Moments<M, H, J>& rod) {
+    return Wrench{Vector{rod.h.z, Zero(), -rod.h.x}, Vector{rod.J.xy, rod.J.yy, rod.J.yz}};
   }
-  template <class A, class B>
-  Motion<P, A> move_rod(const Motion<P, A>& tube, const P& rate, const B& acceleration) const {
-    const Vector<P>&w = tube.w, &alpha = tube.alpha;
-    return {tube.a,
-            {w.x, w.y + rate, w.z},
-            {alpha.x - rate * w.z, alpha.y + acceleration, alpha.z + rate * w.x}};
+  template <class AnyMotion, class B>
+  auto move_rod(const AnyMotion& tube, const P& rate, const B& acceleration) const {
+    const auto &w = tube.w, &alpha = tube.alpha;
+    return Motion{tube.a, Vector{w.x, w.y + rate, w.z},
+                  Vector{alpha.x - rate * w.z, alpha.y + acceleration, alpha.z + rate * w.x}};
   }
 };
 
@@ -355,54 +435,64 @@ struct SquareCrankLeg : Leg<N, P> {
     tip = {P{}, y, z};
     return reached;
   }
-  Matrix<P> find_axes() const {
+  auto find_axes() const {
     const Turn<P>&a = first, &b = second;
-    return {{b.c, a.c * b.s, a.s * b.s}, {-b.s, a.c * b.c, a.s * b.c}, {P{}, -a.s, a.c}};
+    return Columns{Vector{b.c, a.c * b.s, a.s * b.s}, Vector{-b.s, a.c * b.c, a.s * b.c},
+                   Vector{Zero(), -a.s, a.c}};
   }
-  Matrix<P> find_inverse() const {
+  auto find_inverse() const {
     const N in_l1 = 1.0 / l1;
-    const P in_z = 1.0 / tip.z, in_y = 1.0 / tip.y, no{};
-    const Vector<P> turn1 = {no, tip.y * in_z * in_l1, in_l1 + no};
-    const Vector<P> turn2 = -(second.s * tip.z * in_y) * turn1, turn3 = -second.c * turn1;
-    return {turn1, {-in_y, turn2.y, turn2.z}, {no, turn3.y - in_z, turn3.z}};
+    const P in_z = 1.0 / tip.z, in_y = 1.0 / tip.y;
+    const auto turn1 = Vector{Zero(), tip.y * in_z * in_l1, Number<P>::of(in_l1)};
+    const auto turn2 = -(second.s * tip.z * in_y) * turn1, turn3 = -second.c * turn1;
+    return Columns{turn1, Vector{-in_y, turn2.y, turn2.z}, Vector{Zero(), turn3.y - in_z, turn3.z}};
   }
-  Vector<P> find_elbow() const { return turn_back(second, Vector<N>{height, l1, N{}}); }
-  Vector<P> get_axis() const { return {second.c, -second.s, P{}}; }
+  Vector<P> find_elbow() const { return fill<P>(turn_back(second, Vector<N>{height, l1, N{}})); }
+  auto get_axis() const { return Vector{second.c, -second.s, Zero()}; }
   static P get_along_axis(const Vector<P>& v) { return v.x; }
-  P find_first(const Wrench<P>& w) const {
+  template <class F, class M>
+  P find_first(const Wrench<F, M>& w) const {
     return second.c * w.n.x - second.s * w.n.y + l1 * w.f.z;
   }
-  static P find_last(const Wrench<P>& w) { return w.n.x; }
+  template <class F, class M>
+  static P find_last(const Wrench<F, M>& w) {
+    return w.n.x;
+  }
   template <class In>
   static Zero get_spin(const In&) {
     return {};
   }
-  P find_turned(const Moments<N, P>& of) const {
+  template <class M, class H, class J>
+  P find_turned(const Moments<M, H, J>& of) const {
     const P &s = second.s, &c = second.c;
     return c * c * of.J.xx - 2.0 * c * s * of.J.xy + s * s * of.J.yy +
            2.0 * l1 * (c * of.h.y + s * of.h.x);
   }
-  Moments<N, P> place_rod(const Moments<N, N>& rod) const {
-    return {rod.m, roll_back(this->third * roll(rod.h)), roll_back(turn(this->third, roll(rod.J)))};
+  template <class M, class H, class J>
+  auto place_rod(const Moments<M, H, J>& rod) const {
+    return Moments{rod.m, roll_back(fill<P>(this->third * roll(rod.h))),
+                   roll_back(fill<P>(turn(this->third, roll(rod.J))))};
   }
-  static Wrench<P> carry_last(const Moments<N, P>& rod) {
-    return {{P{}, -rod.h.z, rod.h.y}, {rod.J.xx, rod.J.xy, rod.J.xz}};
+  template <class M, class H, class J>
+  static auto carry_last(const Moments<M, H, J>& rod) {
+    return Wrench{Vector{Zero(), -rod.h.z, rod.h.y}, Vector{rod.J.xx, rod.J.xy, rod.J.xz}};
   }
-  template <class A, class B>
-  Motion<P, A> move_rod(const Motion<P, A>& tube, const P& rate, const B& acceleration) const {
-    const Vector<P>&w = tube.w, &alpha = tube.alpha;
-    return {tube.a,
-            {w.x + rate, w.y, w.z},
-            {alpha.x + acceleration, alpha.y + rate * w.z, alpha.z - rate * w.y}};
+  template <class AnyMotion, class B>
+  auto move_rod(const AnyMotion& tube, const P& rate, const B& acceleration) const {
+    const auto &w = tube.w, &alpha = tube.alpha;
+    return Motion{tube.a, Vector{w.x + rate, w.y, w.z},
+                  Vector{alpha.x + acceleration, alpha.y + rate * w.z, alpha.z - rate * w.y}};
   }
 };
 
-template <class A, class B, class C, class P>
+template <class Cross, class Tube, class Rod>
 struct LegMotion {
-  Motion<P, A> cross;
-  Motion<P, B> tube;
-  Motion<P, C> rod;
+  Cross cross;
+  Tube tube;
+  Rod rod;
 };
+template <class A, class B, class C>
+LegMotion(A, B, C) -> LegMotion<A, B, C>;
 
 /// Velocities, and the accelerations that follow from them.
 /// @param w, alpha      of R, E
@@ -412,20 +502,15 @@ struct LegMotion {
 template <class AnyLeg, class W, class Alpha, class A, class P, class Acceleration>
 auto find_motion(const AnyLeg& leg, const W& w, const Alpha& alpha, const A& a,
                  const Vector<P>& rate, const Acceleration& acceleration) {
-  const Vector<P> axis = leg.get_axis();
-  const Vector<P> w1 = w + rate.x * axis, w2 = {w1.x, w1.y, w1.z + rate.y};
+  const auto axis = leg.get_axis();
+  const auto w1 = w + rate.x * axis;
+  const auto w2 = Vector{w1.x, w1.y, w1.z + rate.y};
   const auto alpha1 = alpha + rate.x * cross(w, axis) + acceleration.x * axis;
-  const Vector<P> alpha2 =
-      Vector<P>{w1.y * rate.y, -(w1.x * rate.y), P{} + acceleration.y} + alpha1;
+  const auto alpha2 = Vector{w1.y * rate.y, -(w1.x * rate.y), acceleration.y} + alpha1;
   const auto arm = leg.find_elbow();
   const auto elbow = a + (cross(alpha1, arm) + cross(w1, cross(w1, arm)));
-  using OfCross = decltype(a + Zero());
-  using OfTube = decltype(elbow + Zero());
-  const Motion<P, OfCross> of_cross{a, w1, Vector<P>{P{}, P{}, P{}} + alpha1};
-  const Motion<P, OfTube> tube{elbow, w2, alpha2};
-  const auto rod = leg.move_rod(tube, rate.z, acceleration.z);
-  using OfRod = decltype(rod.a + Zero());
-  return LegMotion<OfCross, OfTube, OfRod, P>{of_cross, tube, rod};
+  const auto tube = Motion{elbow, w2, alpha2};
+  return LegMotion{Motion{a, w1, alpha1}, tube, leg.move_rod(tube, rate.z, acceleration.z)};
 }
 
 /// Joint accelerations that are zero.
@@ -437,7 +522,7 @@ struct NoAcceleration {
 template <class AnyLeg, class P>
 Vector<P> find_tip_bias(const AnyLeg& leg, const Vector<P>& rate) {
   const auto rod = find_motion(leg, Zero(), Zero(), Zero(), rate, NoAcceleration()).rod;
-  return cross(rod.alpha, leg.tip) + cross(rod.w, cross(rod.w, leg.tip)) + rod.a;
+  return fill<P>(cross(rod.alpha, leg.tip) + cross(rod.w, cross(rod.w, leg.tip)) + rod.a);
 }
 
 }  // namespace

@@ -12,11 +12,12 @@
 
 namespace dockloop::legs {
 
-/// By their joints, K; in the order of LegKind.
+/// By their joints, K; first in the order of LegKind.
 enum LegType {
-  kSlideLeg,       ///< turns about y and z, slide along x; the elbow is the centre
-  kCrankLeg,       ///< turns about z, z, y; elbow (l1, 0, height)
-  kSquareCrankLeg  ///< turns about x, z, x; elbow (height, l1, 0), tip (0, l2, 0)
+  kSlideLeg,        ///< turns about y and z, slide along x; the elbow is the centre
+  kCrankLeg,        ///< turns about z, z, y; elbow (l1, 0, height)
+  kSquareCrankLeg,  ///< turns about x, z, x; elbow (height, l1, 0), tip (0, l2, 0)
+  kAxialSlideLeg    ///< a slide leg with nothing off the axis of its slide, and a massless cross
 };
 
 /// Constants of a leg. Unused lanes of a group repeat a leg without mass.

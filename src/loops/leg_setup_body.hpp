@@ -42,13 +42,17 @@ inline double find_axial_inertia(const Body& body) {
   return body.axis.dot(body.inertia * body.axis);
 }
 
-/// Constants of a leg (legs::Parameter), with the gears that its bodies carry.
-template <class S>
-void put_leg_constants(const MechanismModel& model, const LegPlatform& platform,
-                       const LegPlace& place, LegStore<S>& store) {
-  using N = typename LegStore<S>::Constant;
+/// Constants of a leg (legs::Parameter).
+template <class N>
+using LegConstants = std::array<N, legs::kParameters>;
+
+/// With the gears that its bodies carry.
+template <class N>
+LegConstants<N> find_leg_constants(const MechanismModel& model, const LegPlatform& platform,
+                                   const LegPlace& place) {
   const ClosedForm& form = place.form;
-  const auto put = [&](int row, const N& x) { store.put(place, row, x); };
+  LegConstants<N> made;
+  const auto put = [&](int row, const N& x) { made[static_cast<size_t>(row)] = x; };
   const auto put_vector = [&](int row, const Vec3<N>& x) {
     for (int i = 0; i < 3; ++i) put(row + i, x[i]);
   };
@@ -113,6 +117,25 @@ void put_leg_constants(const MechanismModel& model, const LegPlatform& platform,
                          (moments[1].mass + moments[2].mass) * N(elbow.squaredNorm()));
   put(legs::kSpin, spin);
   put(legs::kSpin + 1, reflected);
+  return made;
+}
+
+/// Is a slide leg one of legs::kAxialSlideLeg, but for rounding?
+template <class N>
+bool is_axial(const LegConstants<N>& of) {
+  constexpr double kOffAxis = std::is_same_v<N, double> ? 1e-15 : 0.0;  // [m]
+  const auto is_on_axis = [&](int row, const N& mass) {
+    const N bound = N(kOffAxis) * mass;
+    return abs(of[static_cast<size_t>(row)]) <= bound;
+  };
+  bool axial = of[legs::kCross] == N(0);
+  for (int i = 1; i < 3; ++i) axial = axial && is_on_axis(legs::kTip + i, N(1));
+  for (const int body : {legs::kTube, legs::kRod}) {
+    const N &mass = of[body], inertia = of[body + 4] + of[body + 5] + of[body + 6];
+    for (int i = 2; i < 4; ++i) axial = axial && is_on_axis(body + i, mass);
+    for (int i = 7; i < 10; ++i) axial = axial && is_on_axis(body + i, inertia);
+  }
+  return axial;
 }
 
 /// Does a force element act on the joint of this body?
@@ -232,26 +255,35 @@ void add_to_train(const Body& body, const GearData<S>& gear, GearTrain<S>& train
 template <class S>
 PlatformData<S>::PlatformData(const MechanismModel& model, const LoopPlan& plan,
                               const LegPlatform& platform) {
-  for (const legs::LegType type : {legs::kSlideLeg, legs::kCrankLeg, legs::kSquareCrankLeg}) {
-    for (int b : platform.blocks) {
-      LegPlace place;
-      place.block = b;
-      place.form = *plan.blocks[b].form();
-      if (static_cast<int>(place.form.kind) != static_cast<int>(type)) continue;
-      place.type = type;
-      place.ring = model.loops[plan.blocks[b].loops[0]].point_on_closing;
-      for (int i = 0; i < 3; ++i) {
-        const Body& body = model.bodies[place.form.joint[i].body];
-        place.body.push_back(place.form.joint[i].body);
-        place.q[i] = body.q_index;
-        place.v[i] = body.v_index;
-        place.sign[i] = place.form.joint[i].sign;
-        mass += S(body.mass);
-      }
-      store.add(place);
-      put_leg_constants(model, platform, place, store);
-      legs.push_back(place);
+  using N = typename LegStore<S>::Constant;
+  std::vector<std::pair<LegPlace, LegConstants<N>>> found;
+  for (int b : platform.blocks) {
+    LegPlace place;
+    place.block = b;
+    place.form = *plan.blocks[b].form();
+    place.ring = model.loops[plan.blocks[b].loops[0]].point_on_closing;
+    for (int i = 0; i < 3; ++i) {
+      const Body& body = model.bodies[place.form.joint[i].body];
+      place.body.push_back(place.form.joint[i].body);
+      place.q[i] = body.q_index;
+      place.v[i] = body.v_index;
+      place.sign[i] = place.form.joint[i].sign;
+      mass += S(body.mass);
     }
+    const LegConstants<N> constants = find_leg_constants<N>(model, platform, place);
+    place.type = get_leg_type(place.form.kind);
+    if (place.type == legs::kSlideLeg && is_axial(constants)) place.type = legs::kAxialSlideLeg;
+    found.emplace_back(place, constants);
+  }
+  // Legs of one type stand side by side.
+  std::stable_sort(found.begin(), found.end(),
+                   [](const auto& a, const auto& b) { return a.first.type < b.first.type; });
+  for (auto& [place, constants] : found) {
+    store.add(place);
+    for (int i = 0; i < legs::kParameters; ++i) {
+      store.put(place, i, constants[static_cast<size_t>(i)]);
+    }
+    legs.push_back(place);
   }
   store.finish();
   for (const LegGear& gear : platform.gears) {

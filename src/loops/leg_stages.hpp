@@ -33,27 +33,28 @@ Reached calc_leg_position(AnyLeg leg, const In& in, const Out& work, const Total
   const Vector<P> L = turn_back(K, p) - in.get_vector(kCentreK) + KC * s;
   const Reached reached = leg.solve(get_shape(in), L, least);
   if (reached != Reached::kYes) return reached;
-  const Matrix<P> E = leg.find_axes();
+  const auto E = leg.find_axes();
   const Matrix<P> EC = {turn_back(KC, E.x), turn_back(KC, E.y), turn_back(KC, E.z)};
 
   // Inertia in the joint coordinates, inverse of the loop matrix, apparent inertia at the tip.
-  const Moments<N, P> rod = leg.place_rod(get_moments(in, kRod));
-  const Moments<N, P> outer = get_moments(in, kTube) + rod;
-  const Wrench<P> second = {{-outer.h.y, outer.h.x, P{}}, {outer.J.xz, outer.J.yz, outer.J.zz}};
+  const auto rod = leg.place_rod(leg.get_rod(in));
+  const auto outer = leg.get_tube(in) + rod;
+  const auto second =
+      Wrench{Vector{-outer.h.y, outer.h.x, Zero()}, Vector{outer.J.xz, outer.J.yz, outer.J.zz}};
   const auto spin = leg.get_spin(in);
-  const Wrench<P> last = add_spin(leg.carry_last(rod), spin);  // momentum per joint rate
-  const Symmetric<P> inertia = {in.get(kTurned) + leg.find_turned(outer),
-                                outer.J.zz,
-                                leg.find_last(last) + get_inertia(spin),
-                                leg.find_first(second),
-                                leg.find_first(last),
-                                last.n.z};
-  const Matrix<P> inverse = leg.find_inverse();
-  const Matrix<P> per_tip = transpose(inverse);
-  const Vector<P> x = inverse * (inertia * per_tip.x);
-  const Vector<P> y = inverse * (inertia * per_tip.y);
-  const Vector<P> z = inverse * (inertia * per_tip.z);
-  const Symmetric<P> apparent = {x.x, y.y, z.z, x.y, x.z, y.z};
+  const auto last = add_spin(leg.carry_last(rod), spin);  // momentum per joint rate
+  const auto inertia = Symmetric{in.get(kTurned) + leg.find_turned(outer),
+                                 outer.J.zz,
+                                 leg.find_last(last) + get_inertia(spin),
+                                 leg.find_first(second),
+                                 leg.find_first(last),
+                                 last.n.z};
+  const auto inverse = leg.find_inverse();
+  const auto per_tip = transpose(inverse);
+  const auto x = inverse * (inertia * per_tip.x);
+  const auto y = inverse * (inertia * per_tip.y);
+  const auto z = inverse * (inertia * per_tip.z);
+  const auto apparent = Symmetric{x.x, y.y, z.z, x.y, x.z, y.z};
 
   leg.write(work);
   work.put(kInverse, inverse);
@@ -72,17 +73,14 @@ Reached calc_leg_position(AnyLeg leg, const In& in, const Out& work, const Total
   total.add(kSumD, Symmetric<P>{Dx.x, Dy.y, Dz.z, Dx.y, Dx.z, Dy.z});
   if constexpr (kMoving) {
     // The whole leg as one rigid body about the centre, and the momentum that its joints carry.
-    const Matrix<P> ER = K * E;
+    const Matrix<P> ER = fill<P>(K * E);
     const auto elbow = leg.find_elbow();
-    const Moments<N, N> cross0 = get_moments(in, kCross);
-    const Moments<N, P> crossE = {cross0.m, turn_back(leg.second, cross0.h),
-                                  turn(reverse(leg.second), cross0.J)};
-    const Moments<N, P> whole = shift(outer, elbow) + crossE;
-    const Vector<P> axis = leg.get_axis();
-    const Matrix<P> linear = Matrix<P>{cross(axis, whole.h), second.f, last.f} * per_tip;
-    const Matrix<P> angular = Matrix<P>{whole.J * axis, second.n + cross(elbow, second.f),
-                                        last.n + cross(elbow, last.f)} *
-                              per_tip;
+    const auto whole = shift(outer, elbow) + turn_back(leg.second, leg.get_cross(in));
+    const auto axis = leg.get_axis();
+    const auto linear = Columns{cross(axis, whole.h), second.f, last.f} * per_tip;
+    const auto angular =
+        Columns{whole.J * axis, second.n + cross(elbow, second.f), last.n + cross(elbow, last.f)} *
+        per_tip;
     work.put(kAxesR, ER);
     work.put(kCarried, linear);
     work.put(kCarried + 9, angular);
@@ -97,8 +95,7 @@ Reached calc_leg_position(AnyLeg leg, const In& in, const Out& work, const Total
     total.add(kSumLW, cross(s, lV));
     total.add(kSumAV, aV);
     total.add(kSumAW, cross(s, aV));
-    const Moments<N, P> about_R =
-        shift(Moments<N, P>{whole.m, ER * whole.h, turn(ER, whole.J)}, centre);
+    const auto about_R = shift(Moments{whole.m, ER * whole.h, turn(ER, whole.J)}, centre);
     total.add(kSumH, about_R.h);
     total.add(kSumJ, about_R.J);
   }
@@ -117,38 +114,37 @@ void calc_leg_rates(const In& in, const Out& work, const PlatformMotion<S>& at) 
 /// Forces that move a leg.
 template <class P>
 struct LegLoad {
-  Wrench<P> whole;  ///< about the centre, E
-  Vector<P> joint;  ///< generalised forces of the three joints
+  Wrench<Vector<P>> whole;  ///< about the centre, E
+  Vector<P> joint;          ///< generalised forces of the three joints
 };
 
 /// Of tube and rod; about the elbow. @param rate, acceleration  of the last joint
 template <class AnyLeg, class In, class Out, class AnyMotion, class P, class A>
-auto find_outer_load(const AnyLeg& leg, const In& in, const Out& work, const AnyMotion& at,
-                     const P& rate, const A& acceleration) {
-  using N = typename In::Number;
-  const Wrench<P> rod = find_load(
-      Moments<N, P>{in.get(kRod), work.get_vector(kRodMoment), work.get_symmetric(kRodInertia)},
-      at.rod);
-  const Wrench<P> both = find_load(get_moments(in, kTube), at.tube) + rod;
+LegLoad<P> find_outer_load(const AnyLeg& leg, const In& in, const Out& work, const AnyMotion& at,
+                           const P& rate, const A& acceleration) {
+  decltype(leg.place_rod(leg.get_rod(in))) rod;
+  rod.m = in.get(kRod);
+  work.read(kRodMoment, rod.h);
+  work.read(kRodInertia, rod.J);
+  const auto of_rod = find_load(rod, at.rod);
   const auto spin = leg.get_spin(in);
-  const Wrench<P> all = both + find_spin_load(spin, at.tube.w, rate, acceleration);
-  return LegLoad<P>{all,
-                    {leg.find_first(all), all.n.z,
-                     leg.find_last(rod) + find_spin_force(spin, at.tube.alpha.x, acceleration)}};
+  const auto all = find_load(leg.get_tube(in), at.tube) + of_rod +
+                   find_spin_load(spin, at.tube.w, rate, acceleration);
+  return {{fill<P>(all.f), fill<P>(all.n)},
+          {Number<P>::of(leg.find_first(all)), Number<P>::of(all.n.z),
+           leg.find_last(of_rod) + find_spin_force(spin, at.tube.alpha.x, acceleration)}};
 }
 
 template <class AnyLeg, class In, class Out, class AnyMotion, class P, class A>
-auto find_leg_load(const AnyLeg& leg, const In& in, const Out& work, const AnyMotion& at,
-                   const P& rate, const A& acceleration) {
+LegLoad<P> find_leg_load(const AnyLeg& leg, const In& in, const Out& work, const AnyMotion& at,
+                         const P& rate, const A& acceleration) {
   const LegLoad<P> outer = find_outer_load(leg, in, work, at, rate, acceleration);
   const Turn<P>& turn1 = leg.second;  // from E to axes turned by the first joint only
-  const Motion<P, Vector<P>> cross_at = {turn1 * at.cross.a, turn1 * at.cross.w,
-                                         turn1 * at.cross.alpha};
-  const Wrench<P> of_cross = find_load(get_moments(in, kCross), cross_at);
-  return LegLoad<P>{
-      {outer.whole.f + turn_back(turn1, of_cross.f),
-       outer.whole.n + cross(leg.find_elbow(), outer.whole.f) + turn_back(turn1, of_cross.n)},
-      {outer.joint.x + leg.get_along_axis(of_cross.n), outer.joint.y, outer.joint.z}};
+  const auto cross_at = Motion{turn1 * at.cross.a, turn1 * at.cross.w, turn1 * at.cross.alpha};
+  const auto of_cross = find_load(leg.get_cross(in), cross_at);
+  return {{outer.whole.f + turn_back(turn1, of_cross.f),
+           outer.whole.n + cross(leg.find_elbow(), outer.whole.f) + turn_back(turn1, of_cross.n)},
+          {outer.joint.x + leg.get_along_axis(of_cross.n), outer.joint.y, outer.joint.z}};
 }
 
 /// Load at zero joint accelerations: at the tip and, of the whole leg, at the root.
@@ -180,8 +176,10 @@ void calc_leg_bias(AnyLeg leg, const In& in, const Out& work, const Total& total
   } else {  // the cross turns about an axis at rest
     load = find_outer_load(leg, in, work, relative, rate.z, Zero());
   }
-  const Vector<P> b = work.get_symmetric(kApparent) * free +
-                      work.get_matrix(kInverse) * (load.joint - work.get_vector(kForce));
+  decltype(leg.find_inverse()) inverse;
+  work.read(kInverse, inverse);
+  const Vector<P> b =
+      work.get_symmetric(kApparent) * free + inverse * (load.joint - work.get_vector(kForce));
   const Vector<P> bC = EC * b;
   total.add(kSumTipForce, bC);
   total.add(kSumTipMoment, cross(s, bC));
@@ -221,18 +219,19 @@ void calc_leg_loads(AnyLeg leg, const In& in, const Out& work, const Total& tota
   total.add(kSumLoadMoment, ER * load.whole.n + cross(centre, force));
 }
 
-/// Call work(leg) with a leg of this kind.
+/// Call work(leg) with a leg of this kind; an axial one may be any slide leg.
+template <class N, class P, class Call>
+auto visit_kind(LegType type, const Call& call) {
+  if (type == kCrankLeg) return call(CrankLeg<N, P>());
+  if (type == kSquareCrankLeg) return call(SquareCrankLeg<N, P>());
+  return call(SlideLeg<N, P, N>());
+}
+
+/// The same with what is zero for an axial one.
 template <class N, class P, class Call>
 auto visit_leg(LegType type, const Call& call) {
-  switch (type) {
-    case kSlideLeg:
-      return call(SlideLeg<N, P>());
-    case kCrankLeg:
-      return call(CrankLeg<N, P>());
-    case kSquareCrankLeg:
-      break;
-  }
-  return call(SquareCrankLeg<N, P>());
+  if (type == kAxialSlideLeg) return call(SlideLeg<N, P, Zero>());
+  return visit_kind<N, P>(type, call);
 }
 
 }  // namespace

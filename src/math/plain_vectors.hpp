@@ -1,9 +1,10 @@
 // Vectors, matrices and rotations of any number type: double, dual number, or a register of SIMD
 // lanes.
 //
-// Operands may have different number types: constants can be plain if other operands have
-// derivatives. A `Zero` has no cost. All code is local to the including source and includes no
-// library: the linker could merge inline functions with copies for other instruction sets.
+// Operands may have different number types, and so may the parts of one vector: constants can be
+// plain if other operands have derivatives, and what is zero or one for every leg of a kind is a
+// type, `Zero` or `One`, that costs nothing. All code is local to the including source and includes
+// no library: the linker could merge inline functions with copies for other instruction sets.
 #pragma once
 
 namespace dockloop::lanes {
@@ -22,12 +23,11 @@ struct Spread {
   static const P& of(const P& x) { return x; }
 };
 
-template <class T>
-struct Vector {
-  T x, y, z;
-};
+/// What an operation on numbers of two kinds returns.
+template <class A, class B>
+using Mix = decltype(A{} * B{});
 
-/// A zero vector or number, without cost.
+/// A zero: a number, a vector, a body without mass.
 struct Zero {};
 template <class T>
 T operator+(const T& a, Zero) {
@@ -39,47 +39,113 @@ T operator+(Zero, const T& a) {
 }
 inline Zero operator+(Zero, Zero) { return {}; }
 template <class T>
+T operator-(const T& a, Zero) {
+  return a;
+}
+template <class T>
+auto operator-(Zero, const T& a) {
+  return -a;
+}
+inline Zero operator-(Zero, Zero) { return {}; }
+inline Zero operator-(Zero) { return {}; }
+template <class T>
 Zero operator*(const T&, Zero) {
   return {};
 }
 template <class T>
-Zero operator*(Zero, const Vector<T>&) {
+Zero operator*(Zero, const T&) {
   return {};
 }
+inline Zero operator*(Zero, Zero) { return {}; }
 
-/// What an operation on numbers of two kinds returns.
-template <class A, class B>
-using Mix = decltype(A{} * B{});
+struct One {};
+template <class T>
+T operator*(const T& a, One) {
+  return a;
+}
+template <class T>
+T operator*(One, const T& a) {
+  return a;
+}
+inline One operator*(One, One) { return {}; }
+inline Zero operator*(Zero, One) { return {}; }
+inline Zero operator*(One, Zero) { return {}; }
 
-template <class A, class B>
-Vector<Mix<A, B>> operator+(const Vector<A>& a, const Vector<B>& b) {
-  return {a.x + b.x, a.y + b.y, a.z + b.z};
+/// A number of another kind as a P.
+template <class P>
+struct Number {
+  static P of(const P& x) { return x; }
+  static P of(Zero) { return P{}; }
+  static P of(One) { return 1.0 + P{}; }
+  template <class N>
+  static P of(const N& x) {
+    return P{} + x;
+  }
+};
+template <>
+struct Number<Zero> {
+  static Zero of(Zero) { return {}; }
+};
+
+template <class X, class Y = X, class Z = Y>
+struct Vector {
+  X x;
+  Y y;
+  Z z;
+};
+template <class X, class Y, class Z>
+Vector(X, Y, Z) -> Vector<X, Y, Z>;
+
+template <class A, class B, class C, class D, class E, class F>
+auto operator+(const Vector<A, B, C>& a, const Vector<D, E, F>& b) {
+  return Vector{a.x + b.x, a.y + b.y, a.z + b.z};
 }
-template <class A, class B>
-Vector<Mix<A, B>> operator-(const Vector<A>& a, const Vector<B>& b) {
-  return {a.x - b.x, a.y - b.y, a.z - b.z};
+template <class A, class B, class C, class D, class E, class F>
+auto operator-(const Vector<A, B, C>& a, const Vector<D, E, F>& b) {
+  return Vector{a.x - b.x, a.y - b.y, a.z - b.z};
 }
-template <class F, class A>
-Vector<Mix<F, A>> operator*(const F& f, const Vector<A>& a) {
-  return {f * a.x, f * a.y, f * a.z};
+template <class A, class B, class C>
+auto operator-(const Vector<A, B, C>& a) {
+  return Vector{-a.x, -a.y, -a.z};
 }
-template <class A, class B>
-Mix<A, B> dot(const Vector<A>& a, const Vector<B>& b) {
+template <class S, class A, class B, class C>
+auto operator*(const S& f, const Vector<A, B, C>& a) {
+  return Vector{f * a.x, f * a.y, f * a.z};
+}
+template <class A, class B, class C>
+Zero operator*(Zero, const Vector<A, B, C>&) {
+  return {};
+}
+template <class A, class B, class C>
+Vector<A, B, C> operator*(One, const Vector<A, B, C>& a) {
+  return a;
+}
+template <class A, class B, class C, class D, class E, class F>
+auto dot(const Vector<A, B, C>& a, const Vector<D, E, F>& b) {
   return a.x * b.x + a.y * b.y + a.z * b.z;
 }
-template <class A, class B>
-Vector<Mix<A, B>> cross(const Vector<A>& a, const Vector<B>& b) {
-  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+template <class A, class B, class C, class D, class E, class F>
+auto cross(const Vector<A, B, C>& a, const Vector<D, E, F>& b) {
+  return Vector{a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 template <class T>
-Zero cross(Zero, const Vector<T>&) {
+Zero cross(Zero, const T&) {
   return {};
 }
 template <class T>
-Zero cross(const Vector<T>&, Zero) {
+Zero cross(const T&, Zero) {
   return {};
 }
 inline Zero cross(Zero, Zero) { return {}; }
+/// All parts as P.
+template <class P, class A, class B, class C>
+Vector<P> fill(const Vector<A, B, C>& a) {
+  return {Number<P>::of(a.x), Number<P>::of(a.y), Number<P>::of(a.z)};
+}
+template <class P>
+Vector<P> fill(Zero) {
+  return {P{}, P{}, P{}};
+}
 
 /// Axes renamed y z x, and z x y.
 template <class T>
@@ -91,40 +157,64 @@ Vector<T> roll_back(const Vector<T>& a) {
   return {a.z, a.x, a.y};
 }
 
-/// By columns.
-template <class T>
-struct Matrix {
-  Vector<T> x, y, z;
+/// A matrix by columns.
+template <class X, class Y = X, class Z = Y>
+struct Columns {
+  X x;
+  Y y;
+  Z z;
 };
-template <class A, class B>
-Vector<Mix<A, B>> operator*(const Matrix<A>& m, const Vector<B>& a) {
+template <class X, class Y, class Z>
+Columns(X, Y, Z) -> Columns<X, Y, Z>;
+template <class T>
+using Matrix = Columns<Vector<T>>;
+
+template <class P, class A, class B, class C>
+Matrix<P> fill(const Columns<A, B, C>& m) {
+  return {fill<P>(m.x), fill<P>(m.y), fill<P>(m.z)};
+}
+template <class A, class B, class C, class D, class E, class F>
+auto operator*(const Columns<A, B, C>& m, const Vector<D, E, F>& a) {
   return a.x * m.x + a.y * m.y + a.z * m.z;
 }
-template <class A, class B>
-Vector<Mix<A, B>> turn_back(const Matrix<A>& m, const Vector<B>& a) {
-  return {dot(m.x, a), dot(m.y, a), dot(m.z, a)};
+template <class A, class B, class C, class D, class E, class F>
+auto turn_back(const Columns<A, B, C>& m, const Vector<D, E, F>& a) {
+  return Vector{dot(m.x, a), dot(m.y, a), dot(m.z, a)};
 }
-template <class A, class B>
-Matrix<Mix<A, B>> operator*(const Matrix<A>& a, const Matrix<B>& b) {
-  return {a * b.x, a * b.y, a * b.z};
+template <class A, class B, class C>
+Zero turn_back(const Columns<A, B, C>&, Zero) {
+  return {};
 }
-template <class T>
-Matrix<T> transpose(const Matrix<T>& m) {
-  return {{m.x.x, m.y.x, m.z.x}, {m.x.y, m.y.y, m.z.y}, {m.x.z, m.y.z, m.z.z}};
+template <class A, class B, class C, class D, class E, class F>
+auto operator*(const Columns<A, B, C>& a, const Columns<D, E, F>& b) {
+  return Columns{a * b.x, a * b.y, a * b.z};
+}
+template <class A, class B, class C>
+auto transpose(const Columns<A, B, C>& m) {
+  return Columns{Vector{m.x.x, m.y.x, m.z.x}, Vector{m.x.y, m.y.y, m.z.y},
+                 Vector{m.x.z, m.y.z, m.z.z}};
 }
 /// Columns crossed: r x m.
-template <class A, class B>
-Matrix<Mix<A, B>> cross(const Vector<A>& r, const Matrix<B>& m) {
-  return {cross(r, m.x), cross(r, m.y), cross(r, m.z)};
+template <class R, class A, class B, class C>
+auto cross(const Vector<R>& r, const Columns<A, B, C>& m) {
+  return Columns{cross(r, m.x), cross(r, m.y), cross(r, m.z)};
 }
 
-template <class T>
+template <class XX, class YY = XX, class ZZ = YY, class XY = ZZ, class XZ = XY, class YZ = XZ>
 struct Symmetric {
-  T xx, yy, zz, xy, xz, yz;
+  XX xx;
+  YY yy;
+  ZZ zz;
+  XY xy;
+  XZ xz;
+  YZ yz;
 };
-template <class A, class B>
-Symmetric<Mix<A, B>> operator+(const Symmetric<A>& a, const Symmetric<B>& b) {
-  return {a.xx + b.xx, a.yy + b.yy, a.zz + b.zz, a.xy + b.xy, a.xz + b.xz, a.yz + b.yz};
+template <class XX, class YY, class ZZ, class XY, class XZ, class YZ>
+Symmetric(XX, YY, ZZ, XY, XZ, YZ) -> Symmetric<XX, YY, ZZ, XY, XZ, YZ>;
+
+template <class... A, class... B>
+auto operator+(const Symmetric<A...>& a, const Symmetric<B...>& b) {
+  return Symmetric{a.xx + b.xx, a.yy + b.yy, a.zz + b.zz, a.xy + b.xy, a.xz + b.xz, a.yz + b.yz};
 }
 template <class T>
 Symmetric<T> roll(const Symmetric<T>& s) {
@@ -134,20 +224,24 @@ template <class T>
 Symmetric<T> roll_back(const Symmetric<T>& s) {
   return {s.zz, s.xx, s.yy, s.xz, s.yz, s.xy};
 }
-template <class A, class B>
-Vector<Mix<A, B>> operator*(const Symmetric<A>& s, const Vector<B>& a) {
-  return {s.xx * a.x + s.xy * a.y + s.xz * a.z, s.xy * a.x + s.yy * a.y + s.yz * a.z,
-          s.xz * a.x + s.yz * a.y + s.zz * a.z};
+template <class... S, class A, class B, class C>
+auto operator*(const Symmetric<S...>& s, const Vector<A, B, C>& a) {
+  return Vector{s.xx * a.x + s.xy * a.y + s.xz * a.z, s.xy * a.x + s.yy * a.y + s.yz * a.z,
+                s.xz * a.x + s.yz * a.y + s.zz * a.z};
+}
+template <class P, class... S>
+Symmetric<P> fill(const Symmetric<S...>& s) {
+  return {Number<P>::of(s.xx), Number<P>::of(s.yy), Number<P>::of(s.zz),
+          Number<P>::of(s.xy), Number<P>::of(s.xz), Number<P>::of(s.yz)};
 }
 /// R s R^T
-template <class A, class B>
-Symmetric<Mix<A, B>> turn(const Matrix<A>& R, const Symmetric<B>& s) {
-  using T = Mix<A, B>;
-  const Vector<B> x = {s.xx, s.xy, s.xz}, y = {s.xy, s.yy, s.yz}, z = {s.xz, s.yz, s.zz};
-  const Matrix<T> half = {R * x, R * y, R * z};  // R s
-  const Matrix<A> rows = transpose(R);
-  const Vector<T> a = half * rows.x, b = half * rows.y;
-  return {a.x, b.y, half.x.z * R.x.z + half.y.z * R.y.z + half.z.z * R.z.z, a.y, a.z, b.z};
+template <class A, class B, class C, class... S>
+auto turn(const Columns<A, B, C>& R, const Symmetric<S...>& s) {
+  const auto half = Columns{R * Vector{s.xx, s.xy, s.xz}, R * Vector{s.xy, s.yy, s.yz},
+                            R * Vector{s.xz, s.yz, s.zz}};  // R s
+  const auto rows = transpose(R);
+  const auto a = half * rows.x, b = half * rows.y;
+  return Symmetric{a.x, b.y, half.x.z * R.x.z + half.y.z * R.y.z + half.z.z * R.z.z, a.y, a.z, b.z};
 }
 
 /// A turn about z.
@@ -155,24 +249,28 @@ template <class T>
 struct Turn {
   T c, s;
 };
-template <class A, class B>
-Vector<Mix<A, B>> operator*(const Turn<A>& t, const Vector<B>& a) {
-  return {t.c * a.x - t.s * a.y, t.s * a.x + t.c * a.y, a.z};
+template <class T, class A, class B, class C>
+auto operator*(const Turn<T>& t, const Vector<A, B, C>& a) {
+  return Vector{t.c * a.x - t.s * a.y, t.s * a.x + t.c * a.y, a.z};
 }
-template <class A, class B>
-Vector<Mix<A, B>> turn_back(const Turn<A>& t, const Vector<B>& a) {
-  return {t.c * a.x + t.s * a.y, t.c * a.y - t.s * a.x, a.z};
+template <class T, class A, class B, class C>
+auto turn_back(const Turn<T>& t, const Vector<A, B, C>& a) {
+  return Vector{t.c * a.x + t.s * a.y, t.c * a.y - t.s * a.x, a.z};
 }
-template <class A, class B>
-Symmetric<Mix<A, B>> turn(const Turn<A>& t, const Symmetric<B>& s) {
-  const A cc = t.c * t.c, ss = t.s * t.s, cs = t.c * t.s;
-  const Mix<A, B> between = 2.0 * cs * s.xy;
-  return {cc * s.xx - between + ss * s.yy,
-          ss * s.xx + between + cc * s.yy,
-          s.zz,
-          cs * (s.xx - s.yy) + (cc - ss) * s.xy,
-          t.c * s.xz - t.s * s.yz,
-          t.s * s.xz + t.c * s.yz};
+template <class T>
+Zero turn_back(const Turn<T>&, Zero) {
+  return {};
+}
+template <class T, class... S>
+auto turn(const Turn<T>& t, const Symmetric<S...>& s) {
+  const T cc = t.c * t.c, ss = t.s * t.s, cs = t.c * t.s;
+  const auto between = 2.0 * cs * s.xy;
+  return Symmetric{cc * s.xx - between + ss * s.yy,
+                   ss * s.xx + between + cc * s.yy,
+                   s.zz,
+                   cs * (s.xx - s.yy) + (cc - ss) * s.xy,
+                   t.c * s.xz - t.s * s.yz,
+                   t.s * s.xz + t.c * s.yz};
 }
 template <class T>
 Turn<T> reverse(const Turn<T>& t) {
@@ -193,10 +291,36 @@ struct CellsOf : Access {
   Symmetric<T> get_symmetric(int i) const {
     return {get(i), get(i + 1), get(i + 2), get(i + 3), get(i + 4), get(i + 5)};
   }
+  /// Parts that are types are not there to be read.
+  void read(int, Zero&) const {}
+  void read(int, One&) const {}
+  void read(int i, T& x) const { x = get(i); }
+  template <class A, class B, class C>
+  void read(int i, Vector<A, B, C>& v) const {
+    read(i, v.x), read(i + 1, v.y), read(i + 2, v.z);
+  }
+  template <class A, class B, class C>
+  void read(int i, Columns<A, B, C>& m) const {
+    read(i, m.x), read(i + 3, m.y), read(i + 6, m.z);
+  }
+  template <class... S>
+  void read(int i, Symmetric<S...>& s) const {
+    read(i, s.xx), read(i + 1, s.yy), read(i + 2, s.zz);
+    read(i + 3, s.xy), read(i + 4, s.xz), read(i + 5, s.yz);
+  }
+  void put(int i, Zero) const { put(i, T{}); }
+  void put(int i, One) const { put(i, 1.0 + T{}); }
   void put(int i, const Turn<T>& t) const { put(i, t.c), put(i + 1, t.s); }
-  void put(int i, const Vector<T>& v) const { put(i, v.x), put(i + 1, v.y), put(i + 2, v.z); }
-  void put(int i, const Matrix<T>& m) const { put(i, m.x), put(i + 3, m.y), put(i + 6, m.z); }
-  void put(int i, const Symmetric<T>& s) const {
+  template <class A, class B, class C>
+  void put(int i, const Vector<A, B, C>& v) const {
+    put(i, v.x), put(i + 1, v.y), put(i + 2, v.z);
+  }
+  template <class A, class B, class C>
+  void put(int i, const Columns<A, B, C>& m) const {
+    put(i, m.x), put(i + 3, m.y), put(i + 6, m.z);
+  }
+  template <class... S>
+  void put(int i, const Symmetric<S...>& s) const {
     put(i, s.xx), put(i + 1, s.yy), put(i + 2, s.zz);
     put(i + 3, s.xy), put(i + 4, s.xz), put(i + 5, s.yz);
   }
@@ -206,10 +330,17 @@ struct CellsOf : Access {
 template <class Access>
 struct SumsOf : Access {
   using Access::add;
-  using T = typename Access::Number;
-  void add(int i, const Vector<T>& v) const { add(i, v.x), add(i + 1, v.y), add(i + 2, v.z); }
-  void add(int i, const Matrix<T>& m) const { add(i, m.x), add(i + 3, m.y), add(i + 6, m.z); }
-  void add(int i, const Symmetric<T>& s) const {
+  void add(int, Zero) const {}
+  template <class A, class B, class C>
+  void add(int i, const Vector<A, B, C>& v) const {
+    add(i, v.x), add(i + 1, v.y), add(i + 2, v.z);
+  }
+  template <class A, class B, class C>
+  void add(int i, const Columns<A, B, C>& m) const {
+    add(i, m.x), add(i + 3, m.y), add(i + 6, m.z);
+  }
+  template <class... S>
+  void add(int i, const Symmetric<S...>& s) const {
     add(i, s.xx), add(i + 1, s.yy), add(i + 2, s.zz);
     add(i + 3, s.xy), add(i + 4, s.xz), add(i + 5, s.yz);
   }
