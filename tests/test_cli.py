@@ -517,6 +517,18 @@ def test_check_draws_a_mechanism(dockloop, tmp_path, mechanism, words):
     assert dockloop("check", mechanism, "--draw", "own.svg").status == 0  # its own, once more
 
 
+def test_check_draws_the_hulls_of_a_scene(dockloop, tmp_path):
+    scene = (paths.SCENES / "idss_25t_350t.toml").read_text()
+    hull = "\n[chaser.hull]\nfrom = [-3.0, 0, 0]\nto = [1.5, 0, 0]\nradius = 2.2\n"
+    (tmp_path / "own.toml").write_text(scene + hull)
+    dockloop.succeed("check", "own.toml", "--draw", "own.svg")
+    sheet = (tmp_path / "own.svg").read_text()
+    assert "hull of the chaser" in sheet
+    assert "hull of the target" not in sheet
+    assert "leg6" in sheet
+    assert_refused(dockloop("check", "own.toml", "--states", "own.toml"), "--states", "a mechanism")
+
+
 def read_shipped(name):
     return json.loads((paths.MECHANISMS / f"{name}.json").read_text())
 

@@ -66,6 +66,7 @@ class Jacobian:
             if u.variable.type == "Real"
             and u.variable.variability == "continuous"
             and not u.variable.name.startswith("solver")
+            and ".peak" not in u.variable.name  # follows an input only where it is the largest yet
         ]
         self.rates = [u.variable.name for u in description.derivatives]
         self.unknowns = self.outputs + self.rates
@@ -325,7 +326,8 @@ def test_output_derivatives_are_the_slope_along_the_motion(runs):
                 for u in host.description.outputs
                 if u.variable.type == "Real"
                 and u.variable.variability == "continuous"
-                and not u.variable.name.startswith(("solver", "capture.peak", "momentum.residual"))
+                and not u.variable.name.startswith(("solver", "momentum.residual"))
+                and ".peak" not in u.variable.name
                 and "_mean" not in u.variable.name
             ]
             before = host.get(*names)

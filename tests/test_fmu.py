@@ -41,7 +41,7 @@ capture.{reason,seated_time} limits.exceeded
 limits.{overlap,passed,stop,load,tilt,depth,time_out,singular}.{time,value}
 chaser.{contact_thrust,contact_thrust_delay}
 ring.{position,velocity,angular_velocity}[1..3] ring.attitude[1..4]
-leg[1..6].{length,rate,force,force_command}
+leg[1..6].{length,rate,force,force_command,peak,peak_time,peak_step}
 energy.{kinetic,potential,dissipated,external,residual}
 energy.{dissipated_contact,dissipated_friction,dissipated_legs,dissipated_latches}
 momentum.residual momentum.{linear,angular,reference}[1..3]

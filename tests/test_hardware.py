@@ -3,6 +3,7 @@
 1. Hooks, pushers, faces, petals and latches stand where the mechanism file puts them.
 2. A mechanism with all lengths divided by 50 gives the same drawing, but for the label of its
    ruler, and shapes of a view that are 50 times smaller: no size is that of a large ring.
+3. A hull is the set of points that are nearer to its segment than its radius, where the vehicle is.
 """
 
 import math
@@ -11,12 +12,14 @@ import re
 import numpy as np
 import pytest
 
-from dockloop.base.paths import MECHANISMS
+from dockloop.base.paths import MECHANISMS, SCENES
+from dockloop.base.rotations import find_matrix
 from dockloop.native import core
 from dockloop.scene import hardware
 from dockloop.scene.find import read_json
 from dockloop.scene.mechanism_drawing import draw_mechanism
-from dockloop.scene.resolve import convert_degrees
+from dockloop.scene.resolve import convert_degrees, resolve_scene
+from dockloop.scene.shapes import place_hulls
 from dockloop.view import geometry
 
 PER_SMALL = 50
@@ -114,3 +117,39 @@ def test_sizes_of_the_view_follow_the_hardware():
     assert sizes[1] == pytest.approx(np.array(sizes[0]) / PER_SMALL)
     head = next(core for core in large["cores"]["active"] if core["kind"] == "point")
     assert max(sizes[0]) < head["rounding"] / 2  # latches do not hide the head
+
+
+HULL = {"from": [-3.0, 0.0, 0.5], "to": [1.0, 0.4, 0.0], "radius": 1.5}
+TURN = {  # of A in C, and of the base in A
+    "chaser.interface_position": [3.0, 0.2, -0.1],
+    "chaser.interface_attitude": [0.8, 0.0, 0.6, 0.0],
+    "mechanism.base_position": [0.1, -0.2, 0.3],
+    "mechanism.base_attitude": [0.6, 0.8, 0.0, 0.0],
+}
+
+
+def find_distances(points, start, end):
+    """Return distances of points from a segment."""
+    way = end - start
+    part = np.clip((points - start) @ way / (way @ way), 0.0, 1.0)
+    return np.linalg.norm(points - start - part[:, None] * way, axis=1)
+
+
+def test_a_drawn_hull_has_its_radius_about_its_segment():
+    keys = TURN | {f"chaser.hull.{member}": value for member, value in HULL.items()}
+    scene = resolve_scene(
+        SCENES / "idss_25t_350t.toml", [f"{key}={value}" for key, value in keys.items()]
+    )
+    start, end = (np.array(HULL[at]) for at in ("from", "to"))
+    outline = [(x, r * np.cos(a), r * np.sin(a)) for a in range(6)
+               for x, r in hardware.make_hull(scene["chaser"])["profiles"][0] if r > 0]  # fmt: skip
+    # The view: axes of the body.
+    shape = geometry.make_geometry(scene, {})["vehicles"]["chaser"]["hull"]
+    inside = np.array(shape["pose"]["p"]) + outline @ find_matrix(shape["pose"]["q"]).T
+    assert find_distances(inside, start, end) == pytest.approx(HULL["radius"])
+    # The drawing: axes of the base. Back to those of the body, by matrices.
+    placed = np.array([place_hulls(scene)["chaser"]["place"](point) for point in outline])
+    on_a = TURN["mechanism.base_position"] + placed @ find_matrix([0.6, 0.8, 0.0, 0.0]).T
+    on_c = TURN["chaser.interface_position"] + on_a @ find_matrix([0.8, 0.0, 0.6, 0.0]).T
+    assert find_distances(on_c, start, end) == pytest.approx(HULL["radius"])
+    assert on_c == pytest.approx(inside)

@@ -18,6 +18,7 @@ from dockloop.report.run import report_run
 from dockloop.result.criteria import Criterion, has_happened, parse_criterion, say_not_seen
 from dockloop.result.peaks import (
     count_steps,
+    find_leg_peak,
     find_sampled_peak,
     list_steps_after,
     list_with_places,
@@ -61,9 +62,28 @@ def test_a_sampled_peak_names_its_leg():
         {"time": np.array([0.0, 1.0, 2.0]), "sequence.step": np.array([1, 2, 2]),
          "leg[1].force": np.array([5.0, 1.0, 2.0]), "leg[2].force": np.array([0.0, -9.0, 3.0])}
     )  # fmt: skip
-    peak = find_sampled_peak(run, ["leg[1].force", "leg[2].force"])
-    assert peak == {"value": 9.0, "time": 1.0, "step": "align", "place": "leg[2]"}
-    assert say_place(peak) == "in leg[2] at 1 s in step 'align'"
+    sampled = find_sampled_peak(run, ["leg[1].force", "leg[2].force"])
+    assert sampled == {"value": 9.0, "time": 1.0, "step": "align", "place": "leg[2]"}
+    assert say_place(sampled) == "in leg[2] at 1 s in step 'align'"
+    assert find_leg_peak(run, 2) == sampled
+    inside = {"peak": 12.0, "peak_time": 0.5, "peak_step": 1.0}
+    run |= {f"leg[1].{name}": np.array([0.0, value]) for name, value in inside.items()}
+    found = find_leg_peak(run, 2)
+    assert found == {"value": 12.0, "time": 0.5, "step": "latch", "place": "leg[1]"}
+
+
+def test_peaks_of_legs_arise_inside_steps():
+    """Forces at points 1 ms apart are the oracle; those at points 0.5 s apart miss a third."""
+    fine, coarse = (dl.run("apda", stop=3.6, step=step) for step in (0.001, 0.5))
+    legs = [f"leg[{i + 1}]" for i in range(6)]
+    sizes = [np.abs(fine[f"{leg}.force"]) for leg in legs]
+    for leg, size in zip(legs, sizes, strict=True):
+        assert 0.999 < coarse[f"{leg}.peak"][-1] / size.max() < 1.01
+        assert abs(coarse[f"{leg}.peak_time"][-1] - fine["time"][size.argmax()]) < 0.01
+    most, peak = max(map(np.max, sizes)), coarse.summary["legs"]["peak"]
+    assert np.abs([coarse[f"{leg}.force"] for leg in legs]).max() < 0.67 * most
+    assert peak["value"] == pytest.approx(most, rel=0.01)
+    assert peak["place"] == legs[int(np.argmax([size.max() for size in sizes]))]
 
 
 def test_steps_of_peaks_are_counted():

@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 import dockloop as dl
+from dockloop.base.paths import SCENES
 from dockloop.scene import catalogue
 from dockloop.scene.find import find_scene
-from dockloop.scene.resolve import list_keys, resolve_scene
+from dockloop.scene.resolve import list_keys, resolve_scene, scene_members
 from dockloop.scene.values import as_setting
 from dockloop.sweeps.planning import Planner
 from dockloop.sweeps.sampling import make_sweep
@@ -31,7 +32,8 @@ def entries():
 def test_the_list_has_every_key_and_every_variable(entries):
     docking = dl.Docking(SCENE)
     names = {entry.name for entry in entries.values()}
-    assert set(list_keys(docking.scene.document)) <= names
+    lacks = "sequence."  # of the mechanism of this scene
+    assert {k for k in list_keys(docking.scene.document) if not k.startswith(lacks)} <= names
     assert {n for n, v in docking.variables.items() if v.causality != "local"} <= names
     with_states = catalogue.list_entries(SCENE, has_states=True)
     assert {entry.name for entry in with_states} >= set(docking.variables)
@@ -53,6 +55,32 @@ def test_entries_say_unit_default_limits_and_meaning(entries):
     assert "dae" not in method.choices  # not carried
     assert "Integration method" in method.meaning
     assert entries["relative.axial"].set_by == ""
+
+
+@pytest.mark.parametrize("path", sorted(SCENES.glob("*.toml")), ids=lambda path: path.stem)
+def test_every_listed_key_of_a_shipped_scene_is_taken(path):
+    """Sections depend on the mechanism; hulls need all of their members."""
+    scene, known = resolve_scene(path), scene_members()
+    for entry in catalogue.list_entries(str(path)):
+        if entry.kind != "scene key" or ".hull." in entry.name or entry.name.endswith(".set"):
+            continue
+        value = entry.default
+        if value is None:
+            value = (known.get(entry.name, {}).get("examples") or [None])[0]
+        if entry.name == "sequence.stop_after":
+            value = scene["mechanism"]["sequence"]["steps"][-1]["name"]
+        if value is not None:
+            resolve_scene(path, [as_setting(entry.name, value)])
+
+
+def test_a_section_that_a_mechanism_does_not_take_is_not_listed():
+    listed = {
+        scene: {entry.name.partition(".")[0] for entry in catalogue.list_entries(scene)
+                if entry.kind == "scene key"}
+        for scene in ("absorber_1d", SCENE, "hexapod")
+    }  # fmt: skip
+    found = {scene: listed[scene] & {"contact", "sequence"} for scene in listed}
+    assert found == {"absorber_1d": set(), SCENE: {"contact"}, "hexapod": {"contact", "sequence"}}
 
 
 def test_every_listed_scalar_of_a_scene_can_be_set_to_its_default(entries):

@@ -272,6 +272,10 @@ class Table {
 void add_vehicle(Table& table, DockingSim& sim, VehicleIndex index);
 void add_relative(Table& table, Outputs& out);
 void add_stack(Table& table, Outputs& out);
+/// A peak: its value, time and step of the sequence.
+/// @param before, after  of the names: BEFORE.peak_time.AFTER
+void add_peak(Table& table, const std::string& before, const std::string& after, const Peak& peak,
+              Quantity quantity, const std::string& text);
 void add_capture(Table& table, Outputs& out);
 void add_contact(Table& table, const ContactModel& contact, Parameters& parameter, Outputs& out);
 void add_progress(Table& table, Outputs& out);

@@ -122,10 +122,6 @@ void add_relative(Table& table, Outputs& out) {
                "(1e9 where there are no surfaces)");
 }
 
-namespace {
-
-/// A peak: its value, time and step of the sequence.
-/// @param before, after  of the names: BEFORE.peak_time.AFTER
 void add_peak(Table& table, const std::string& before, const std::string& after, const Peak& peak,
               Quantity quantity, const std::string& text) {
   const std::string largest = "largest since the start over all inner steps";
@@ -141,8 +137,6 @@ void add_peak(Table& table, const std::string& before, const std::string& after,
                   " arose, as in sequence.step; 0 before, or without a sequence")
       .limits(0, kMaxSteps);
 }
-
-}  // namespace
 
 void add_capture(Table& table, Outputs& out) {
   table.outputs("capture.force", out.capture_force, kForce,

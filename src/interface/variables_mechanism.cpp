@@ -1,5 +1,7 @@
 // Rows of the variable table: ring, legs, elements, failures, disturbances, hard dock, forces,
 // loops.
+#include <algorithm>
+
 #include "docking/hardware_numbers.hpp"
 #include "docking/phases.hpp"
 #include "interface/variable_table.hpp"
@@ -54,6 +56,10 @@ void add_legs(Table& table, const MechanismModel& mechanism, Inputs& in, Outputs
     table.input(leg + ".force_command", &in.leg_force_command[i], kForce,
                 "Commanded force of the actuator of this leg, positive when it pushes the ends "
                 "apart");
+  }
+  for (size_t i = 0; i < std::min<size_t>(out.leg_peak.size(), kMaxLegPeaks); ++i) {
+    const std::string leg = indexed("leg", i);
+    add_peak(table, leg, "", out.leg_peak[i], kForce, "Size of " + leg + ".force");
   }
 }
 

@@ -20,7 +20,7 @@ constexpr std::int64_t kWorkAhead =
 bool is_same_within_rounding(const std::array<double, kPeakCount>& a,
                              const std::array<double, kPeakCount>& b) {
   constexpr double kRounding = 1e-7;  // of stiff loads
-  for (size_t i = 0; i < a.size(); ++i) {
+  for (size_t i = 0; i < kFirstLegPeak; ++i) {
     if (std::abs(a[i] - b[i]) > kRounding * std::max(std::abs(a[i]), std::abs(b[i]))) return false;
   }
   return true;

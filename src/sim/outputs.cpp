@@ -16,8 +16,13 @@ std::array<double, Outputs::kLoadCount> find_capture_loads(const DockingData<dou
 }
 
 std::array<double, kPeakCount> find_peak_values(const DockingModel& model, const RatedLoads& rated,
-                                                const DockingData<double>& data) {
+                                                DockingData<double>& data) {
   std::array<double, kPeakCount> values{};
+  const std::vector<Leg>& legs = model.mechanism.model.legs;
+  if (!legs.empty()) calc_docking_reactions(model, data);
+  for (size_t i = 0; i < std::min<size_t>(legs.size(), kMaxLegPeaks); ++i) {
+    values[kFirstLegPeak + i] = std::abs(find_leg_force(model, data, legs[i]));
+  }
   if (!model.present[kTarget]) return values;
   const auto load = find_capture_loads(data);
   std::copy(load.begin(), load.end(), values.begin());
@@ -63,6 +68,8 @@ Status DockingSim::Impl::update_main() {
   outputs.capture_peak_load_ratio = peak[Outputs::kLoadCount];
   std::copy_n(peak.begin() + kFirstSurfacePeak, outputs.surface_peak.size(),
               outputs.surface_peak.begin());
+  std::copy_n(peak.begin() + kFirstLegPeak, std::min<size_t>(outputs.leg_peak.size(), kMaxLegPeaks),
+              outputs.leg_peak.begin());
   update_phase_outputs();
   if (host->has_host()) {
     outputs.coupling_pending_impulse.setZero();

@@ -38,9 +38,9 @@ void read_momentum(const OutputSource<S>& from, OutputValues<S>& out);
 /// torsion [N m].
 std::array<double, Outputs::kLoadCount> find_capture_loads(const DockingData<double>& data);
 
-/// Values of which SimState keeps the peaks.
+/// Values of which SimState keeps the peaks. @param data  its reactions are computed
 std::array<double, kPeakCount> find_peak_values(const DockingModel& model, const RatedLoads& rated,
-                                                const DockingData<double>& data);
+                                                DockingData<double>& data);
 
 /// Angle between the docking axes, and twist about them, of an attitude [rad].
 template <class S>

@@ -9,6 +9,9 @@
 // neighbours is refined by the polynomial through the last five samples (fourth order in the
 // spacing). Two bounds keep it from overshooting at a kink or a jump that is not announced: the
 // parabola through the three middle samples, and the lines through the two samples on either side.
+//
+// The first values of a sample decide which steps are searched. Those behind them are taken where
+// the first ones are evaluated.
 #pragma once
 
 #include <algorithm>
@@ -64,7 +67,8 @@ struct Peak {
   int step = 0;        ///< of the sequence, from 1; 0 without a sequence
 };
 
-template <int N>
+/// @tparam kSearched  values for which steps are searched; the others follow them
+template <int N, int kSearched = N>
 class PeakTracker {
  public:
   /// Delete all samples; add the first sample of a run.
@@ -117,7 +121,7 @@ class PeakTracker {
 
   /// Is there a value near its peak, or above it?
   bool is_near(const std::array<double, N>& value) const {
-    for (int i = 0; i < N; ++i) {
+    for (int i = 0; i < kSearched; ++i) {
       if (value[i] > 0.0 && value[i] > kNear * peak_[i].value) return true;
     }
     return false;
@@ -165,7 +169,7 @@ class PeakTracker {
   /// Does a value right behind the last sample differ by half as much as all samples do?
   bool has_jumped(const std::array<double, N>& value) const {
     constexpr int kLeast = 3;  // samples, of which two may be equal at a smooth peak
-    for (int i = 0; i < N && count_ >= kLeast; ++i) {
+    for (int i = 0; i < kSearched && count_ >= kLeast; ++i) {
       double low = value_[0][i], high = low;
       for (int j = 1; j < count_; ++j) {
         low = std::min(low, value_[j][i]);
@@ -213,12 +217,12 @@ class PeakTracker {
 };
 
 /// Searches one step for values above their peaks.
-template <int N>
+template <int N, int kSearched = N>
 class PeakSearch {
  public:
   /// @param tracker  its last sample is the begin of the step, unless the tracker left that out:
   /// the step before was much shorter than those before it
-  PeakSearch(const PeakTracker<N>& tracker, double from, double to) : tracker_(tracker) {
+  PeakSearch(const PeakTracker<N, kSearched>& tracker, double from, double to) : tracker_(tracker) {
     constexpr double kSame = 1e-3;  // of the step
     for (int k = 0; k < tracker.count(); ++k) {
       if (tracker.time(k) < from - kSame * (to - from)) ++begin_;
@@ -247,7 +251,7 @@ class PeakSearch {
   std::optional<double> find_time(double share) const {
     std::optional<double> time;
     double most = share;
-    for (int i = 0; i < N; ++i) {
+    for (int i = 0; i < kSearched; ++i) {
       int top = begin_;
       for (int k = begin_; k < count_; ++k) top = value_[k][i] > value_[top][i] ? k : top;
       const double peak = std::max(tracker_.peak()[i].value, value_[top][i]);
@@ -286,7 +290,7 @@ class PeakSearch {
     return true;
   }
 
-  const PeakTracker<N>& tracker_;
+  const PeakTracker<N, kSearched>& tracker_;
   int count_ = 0;
   int begin_ = 0;  ///< first sample that belongs to the step
   std::array<double, kRoom> time_{};

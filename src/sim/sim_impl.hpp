@@ -191,7 +191,7 @@ struct DockingSim::Impl : SimState {
   void use_model(std::shared_ptr<DockingModel> changed);
 
   // outputs.cpp
-  std::array<double, kPeakCount> find_peak_values(const DockingData<double>& at) const {
+  std::array<double, kPeakCount> find_peak_values(DockingData<double>& at) const {
     return dockloop::find_peak_values(*model, scene->rated, at);
   }
   std::array<double, kPeakCount> find_peak_values() const { return find_peak_values(present()); }

@@ -26,9 +26,11 @@
 
 namespace dockloop {
 
-/// Peaks: loads, load ratio, forces on surfaces.
+/// Peaks: loads, load ratio, forces on surfaces; then sizes of the forces along legs, for which no
+/// step is searched.
 constexpr int kFirstSurfacePeak = Outputs::kLoadCount + 1;
-constexpr int kPeakCount = kFirstSurfacePeak + kMaxSurfaces;
+constexpr int kFirstLegPeak = kFirstSurfacePeak + kMaxSurfaces;
+constexpr int kPeakCount = kFirstLegPeak + kMaxLegPeaks;
 
 struct Setup {
   Parameters parameters;   ///< driven vehicles: at their received motion
@@ -108,7 +110,7 @@ struct SimState {
   Vec3<double> frame_shift = Vec3<double>::Zero();     ///< of O in N since the start [m]
   DiscreteState discrete;
   ContactMemory memory;  ///< a function of the last accepted state
-  PeakTracker<kPeakCount> peaks;
+  PeakTracker<kPeakCount, kFirstLegPeak> peaks;
   std::array<Wrench<double>, 2> mean_load;  ///< of the last step; if announced: of the coming step
   CouplingState coupling;                   ///< with hosts that drive vehicles
   QuiescentState quiescent;

@@ -417,7 +417,7 @@ void StepLoop::search_peaks(double from, double to) {
   };
   const double middle = 0.5 * (from + to);
   if (!evaluate(middle)) return;
-  PeakSearch<kPeakCount> search(peaks, state_.elapsed + from, state_.elapsed + to);
+  PeakSearch<kPeakCount, kFirstLegPeak> search(peaks, state_.elapsed + from, state_.elapsed + to);
   const bool lacks_begin = search.lacks_begin();
   search.add(state_.elapsed + middle, value);
   search.add(state_.elapsed + to, end);

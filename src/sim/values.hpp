@@ -265,6 +265,8 @@ void for_each_value(OutputValues<S>& values, F&& f) {
   for_each_number<S>(values, f);
 }
 
+constexpr int kMaxLegPeaks = 16;  ///< legs of which peaks are kept, the first ones
+
 /// Outputs without derivatives.
 struct PointOutputs {
   double time = 0.0;  ///< [s]
@@ -273,6 +275,7 @@ struct PointOutputs {
   std::array<Peak, OutputValues<double>::kLoadCount> capture_peak{};
   Peak capture_peak_load_ratio;                 ///< [-]
   List<Peak, Per::kSurfaceGroup> surface_peak;  ///< per group of hardware that is no guide ring [N]
+  List<Peak, Per::kLeg> leg_peak;               ///< of the first kMaxLegPeaks legs [N]
 
   // group phase
   int phase = 1;                       ///< see docking/phases.hpp

@@ -309,6 +309,23 @@ TEST(Peaks, carry_the_time_and_the_step_of_the_sequence_in_which_they_arose) {
   EXPECT_EQ(tracker.peak()[1].time, 7.0);
 }
 
+/// The second value is at its peak all the time and jumps: neither is a reason to search a step.
+TEST(Peaks, of_values_that_are_not_searched_follow_the_others) {
+  PeakTracker<2, 1> tracker;
+  tracker.start(0.0, {1.0, 5.0});
+  for (int i = 1; i < 5; ++i) tracker.add(0.1 * i, {0.1, 5.0 + i});
+  EXPECT_FALSE(tracker.is_near({0.1, 9.0}));
+  EXPECT_TRUE(tracker.is_near({1.0, 0.0}));
+  EXPECT_EQ(tracker.peak()[1].value, 9.0);
+  tracker.add(0.4 + 1e-9, {0.1, 90.0});
+  EXPECT_EQ(tracker.count(), 5);  // the samples have stayed
+  EXPECT_EQ(tracker.peak()[1].value, 90.0);
+  PeakSearch<2, 1> search(tracker, 0.4, 0.5);
+  search.add(0.45, {0.1, 200.0});
+  search.add(0.5, {0.1, 50.0});
+  EXPECT_FALSE(search.find_time(1e-3));
+}
+
 /// The sequence changes its step right behind the sample that is the last one before a maximum
 /// between samples: a parabola of height 1 at t = 0.
 TEST(Peaks, between_samples_belong_to_the_step_that_is_present_there) {

@@ -16,14 +16,14 @@ def add_options(command: Command) -> None:
     )
     text = "evaluate the mechanism at these states and print accelerations and forces as JSON"
     command.add_option("--states", "FILE.json", text, type=file_path)
-    text = "draw bodies, joints, cuts and force elements at home"
+    text = "draw bodies, joints, cuts and force elements at home; of a scene also the hulls"
     command.add_option("--draw", "FILE.svg", text, type=file_path)
     command.add_flag("--json", "print the report as JSON")
 
 
 def run(options: Options) -> None:
     """Check the mechanism, and draw it."""
-    from dockloop.scene.mechanism import check_mechanism, draw, report_mechanism
+    from dockloop.scene.mechanism import check_mechanism, draw, draw_scene, report_mechanism
 
     if options.draw and options.states:
         raise UsageError("--draw shows the mechanism at home: leave --states away")
@@ -32,9 +32,12 @@ def run(options: Options) -> None:
     if options.mechanism.endswith(".toml"):
         from dockloop.runs.vehicle_check import check_vehicles, report_vehicles
 
-        if options.draw or options.states:
-            raise UsageError("--draw and --states belong to a mechanism: leave them away")
-        write_found(options, check_vehicles(options.mechanism), report_vehicles)
+        if options.states:
+            raise UsageError("--states belongs to a mechanism: leave it away")
+        found = check_vehicles(options.mechanism)
+        if options.draw:
+            draw_scene(options.mechanism, options.draw)
+        write_found(options, found, report_vehicles)
         return
     report = check_mechanism(options.mechanism, options.states)
     if options.draw:

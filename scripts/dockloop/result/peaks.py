@@ -50,12 +50,24 @@ def find_peak(run: Result, load: str) -> dict:
     return peak
 
 
-def find_sampled_peak(run: Result, names: list[str]) -> dict:
-    """Return ``value``, ``time`` [s], ``step`` and ``place`` of the largest size of some outputs.
+def find_leg_peak(run: Result, count: int) -> dict:
+    """Return ``value``, ``time`` [s], ``step`` and ``place`` of the largest force along a leg.
 
-    The values are those of the communication points. The place is the name of the part, as in
-    ``leg[3]``.
+    The place is the name of the leg, as in ``leg[3]``. Of legs whose peaks the FMU does not report,
+    the values at the communication points count.
     """
+    legs = [f"leg[{i + 1}]" for i in range(count)]
+    peaks = [find_sampled_peak(run, [f"{leg}.force" for leg in legs])]
+    for leg in legs:
+        if f"{leg}.peak" in run:
+            value, time, step = (run[f"{leg}.{m}"][-1] for m in ("peak", "peak_time", "peak_step"))
+            found = {"value": float(value), "time": float(time), "step": name_step(run.scene, step)}
+            peaks.append({**found, "place": leg})
+    return max(peaks, key=lambda peak: peak["value"])
+
+
+def find_sampled_peak(run: Result, names: list[str]) -> dict:
+    """Return the same of the sizes of some outputs at the communication points."""
     sizes = np.abs(np.column_stack([run[name] for name in names]))
     row, column = np.unravel_index(int(np.argmax(sizes)), sizes.shape)
     step = run["sequence.step"][row] if "sequence.step" in run else 0

@@ -20,7 +20,7 @@ from dockloop.native.core import list_loads, name_choice
 from dockloop.native.variables import VEHICLES
 from dockloop.result.capture import explain_capture, list_needed
 from dockloop.result.limits import EXCEEDED, find_exceeded
-from dockloop.result.peaks import find_peak, find_sampled_peak
+from dockloop.result.peaks import find_leg_peak, find_peak
 from dockloop.result.recording import Result
 
 COMMAND = "dockloop run"
@@ -43,7 +43,7 @@ _COLUMN = re.compile(  # outputs of FMUs by dockloop
 _SUMMARISED = re.compile(  # what a summary looks at
     r"outcome|captured|phase|time_of_\w+|latched\[\d+\]|capture\.(peak(_time|_step)?\.\w+|reason|seated_time)"
     r"|latch\[\d+\]\.(opening|lateral)|contact\.petal\[\d+\]\.force|energy\.\w+|momentum\.residual"
-    r"|leg\[\d+\]\.(length|force)|relative\.velocity\[\d\]|solver\.\w+|sequence\.\w+(\[\d+\])?"
+    r"|leg\[\d+\]\.(length|force|peak(_time|_step)?)|relative\.velocity\[\d\]|solver\.\w+|sequence\.\w+(\[\d+\])?"
     r"|limits\.(exceeded|\w+\.(time|value))"
 )
 
@@ -304,7 +304,7 @@ def _legs(run: Result) -> dict:
     """Return travel of the legs from their start [m] and the largest force [N]."""
     count = sum(name.endswith("].length") for name in run.names)
     lengths = np.column_stack([run[f"leg[{i + 1}].length"] for i in range(count)])
-    peak = find_sampled_peak(run, [f"leg[{i + 1}].force" for i in range(count)])
+    peak = find_leg_peak(run, count)
     return {
         "shortest_travel": float(np.min(lengths - lengths[0])),
         "longest_travel": float(np.max(lengths - lengths[0])),

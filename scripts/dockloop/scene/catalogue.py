@@ -24,6 +24,7 @@ from dockloop.scene.resolve import (
     expand_paths,
     find_entries,
     find_member,
+    has_contact_law,
     list_keys,
     resolve_scene,
     set_member,
@@ -161,9 +162,13 @@ def _list_keys(scene: dict, document: dict, starts: dict[str, Any]) -> Iterator[
         starts: start values of the variables, by name.
     """
     law = {"friction_model": starts.get("friction.model")}
-    law |= document["mechanism"].get("contact", {}).get("law", {})
+    mechanism = document["mechanism"]
+    law |= mechanism.get("contact", {}).get("law", {})
+    takes = {"contact": has_contact_law(mechanism), "sequence": "sequence" in mechanism}
     for name, node in list_keys(scene).items():
         section, _, member = name.partition(".")
+        if not takes.get(section, True):
+            continue
         values = [find_member(scene, name.split(".")), node.get("default"), starts.get(name)]
         if section == "contact":
             values.append(law.get(member))

@@ -1,4 +1,4 @@
-"""Shapes of docking hardware from a mechanism file, in metres, for all drawings and the view.
+"""Shapes of docking hardware and hulls from their files, in metres, for all drawings and the view.
 
 Rings, petals and cores are the contact surfaces that the core computes with. Hooks, strikers, faces
 and pushers are places: the file holds no sizes of these, so they are symbols whose sizes follow the
@@ -15,6 +15,8 @@ import math
 from collections.abc import Iterable, Sequence
 
 import numpy as np
+
+from dockloop.base.rotations import find_across
 
 _HERE = {"p": [0.0, 0.0, 0.0], "q": [1.0, 0.0, 0.0, 0.0]}
 _SYMBOL = 0.02  # radius of a hook's symbol over that of the circle of hooks
@@ -38,6 +40,28 @@ def make_hardware(mechanism: dict) -> dict:
         "cores": _make_cores(contact) if contact.get("type") == "surfaces" else None,
         "latches": _make_latches(mechanism.get("latches")),
         "interface": _make_interface(mechanism.get("interface", {})),
+    }
+
+
+def make_hull(vehicle: dict) -> dict | None:
+    """Return the hull of a vehicle of a scene, a cylinder with round ends, in its body axes.
+
+    None: the scene states no hull.
+    """
+    if "hull" not in vehicle:
+        return None
+    start, end = (np.array(vehicle["hull"][key], float) for key in ("from", "to"))
+    length = float(np.linalg.norm(end - start))
+    axis = (end - start) / length
+    rotation = np.column_stack([axis, *find_across(axis)])
+    rotation[:, 2] *= np.linalg.det(rotation)
+    points = [[0.0, 0.0], [length, 0.0]]
+    return {
+        "kind": "revolution",
+        "points": points,
+        "profiles": _make_profiles(points, vehicle["hull"]["radius"]),
+        "rounding": 0.0,  # the profile has it
+        "pose": {"p": start.tolist(), "q": find_quaternion(rotation).tolist()},
     }
 
 
@@ -185,9 +209,10 @@ def _make_profiles(nodes: Sequence[Sequence[float]], rounding: float) -> list[li
     for start, end in zip(nodes, nodes[1:] or nodes, strict=False):
         along = math.atan2(end[1] - start[1], end[0] - start[0])
         profile = []
-        for j in range(26):  # once around the piece, half of it about each end
-            angle = along + math.pi * (j % 25 / 12.0 - 0.5)
-            x, radius = end if j % 25 <= 12 else start
+        for j in (*range(26), 0):  # once around the piece, half of it about each end
+            half, step = divmod(j, 13)
+            angle = along + math.pi * (step / 12.0 + half - 0.5)
+            x, radius = start if half else end
             at = [x + rounding * math.cos(angle), max(radius + rounding * math.sin(angle), 0.0)]
             profile.append(at)
         profiles.append(profile)

@@ -16,8 +16,10 @@ from dockloop.base.errors import UsageError, did_you_mean, names_arguments
 from dockloop.base.paths import MECHANISMS, check_file, is_file, name_kind, shown
 from dockloop.base.sections import Section
 from dockloop.native import core
-from dockloop.scene.find import get_mechanism, read_json, read_mechanism
+from dockloop.scene.find import find_scene, get_mechanism, read_json, read_mechanism
 from dockloop.scene.patterns import expand_patterns, open_lists
+from dockloop.scene.resolve import resolve_scene
+from dockloop.scene.shapes import place_hulls
 from dockloop.scene.tables import put_law_tables
 
 
@@ -75,6 +77,24 @@ def draw(mechanism: str | Path | dict, report: dict, to: Path) -> None:
     from dockloop.scene.mechanism_drawing import write_drawing
 
     write_drawing(to, _read(mechanism)[1], report)
+
+
+def draw_scene(reference: str | Path, to: Path) -> None:
+    """Draw the mechanism of a scene at home as SVG, with the hulls of the vehicles.
+
+    Args:
+        reference: name of a shipped scene, or path of a file.
+        to: as for `draw`.
+
+    Raises:
+        UsageError: the scene is bad, or `to` is a file of another kind.
+    """
+    from dockloop.scene.mechanism_drawing import write_drawing
+
+    path = find_scene(str(reference))
+    document = resolve_scene(path)
+    mechanism = document["mechanism"]
+    write_drawing(to, mechanism, core.check(mechanism, path), place_hulls(document))
 
 
 def _read(mechanism: str | Path | dict) -> tuple[Path, dict]:

@@ -6,8 +6,9 @@ Everything is read from the mechanism file.
 """
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from dockloop.base.palette import FAINT, INK, LATCH, LEG, PAPER, RING, SOFT
 from dockloop.scene.resolve import convert_degrees
 from dockloop.scene.shapes import (
     draw_hardware,
+    draw_hulls,
     find_body_places,
     find_legs,
     find_pins,
@@ -31,27 +33,42 @@ _COLUMN = 250  # where the notes on a body begin
 _NAMES = "xyz"
 
 
-def write_drawing(path: Path, mechanism: dict, report: dict) -> None:
-    """Write the sheet of a checked mechanism. Raises like `dockloop.base.files.writing`."""
+def write_drawing(
+    path: Path, mechanism: dict, report: dict, hulls: Mapping[str, dict] = MappingProxyType({})
+) -> None:
+    """Write the sheet of a checked mechanism. Raises like `dockloop.base.files.writing`.
+
+    Args:
+        path: the file.
+        mechanism: its description.
+        report: what the core says of it.
+        hulls: of the vehicles of its scene, from `place_hulls`.
+    """
     claim(path, SHEET, "--draw")
-    sheet = draw_mechanism(mechanism, report["home_q"], report["independent"])
+    sheet = draw_mechanism(mechanism, report["home_q"], report["independent"], hulls)
     write_text(path, SHEET, sheet.replace("<title>", f"{_MADE_BY}<title>", 1))
 
 
-def draw_mechanism(mechanism: dict, home_q: Sequence[float], independent: Sequence[str]) -> str:
+def draw_mechanism(
+    mechanism: dict,
+    home_q: Sequence[float],
+    independent: Sequence[str],
+    hulls: Mapping[str, dict] = MappingProxyType({}),
+) -> str:
     """Return the sheet as SVG.
 
     Args:
         mechanism: its description.
         home_q: coordinates of the joints at home, body by body.
         independent: names of the bodies whose joints are independent.
+        hulls: as for `write_drawing`.
     """
     rows = list(_list_rows(mechanism, set(independent)))
     height = _TOP + 40 + _ROW * len(rows)
     name = mechanism.get("name", "mechanism")
     d = Drawing(_WIDTH, height, f"{name} at home: bodies, joints, cuts and force elements")
     d.label((30, 24), name, anchor="start", bold=True, size=16)
-    _draw_views(d, mechanism, home_q)
+    _draw_views(d, mechanism, home_q, hulls)
     _draw_legend(d)
     for i, (depth, mark, text, notes) in enumerate(rows):
         y = _TOP + 30 + _ROW * i
@@ -126,11 +143,14 @@ def _describe_ties(mechanism: dict, name: str) -> Iterator[str]:
 # ------------------------------------------------------------------- the two views
 
 
-def _draw_views(d: Drawing, mechanism: dict, home_q: Sequence[float]) -> None:
-    """Draw the mechanism from the side and from the front."""
+def _draw_views(
+    d: Drawing, mechanism: dict, home_q: Sequence[float], hulls: Mapping[str, dict]
+) -> None:
+    """Draw the mechanism from the side and from the front, before the hulls."""
     lines, marks = _find_skeleton(mechanism, home_q)
     plain = convert_degrees(mechanism)
-    points = np.vstack([*(ends for _, *ends in lines), list_points(plain, home_q), np.zeros(3)])
+    hardware = list_points(plain, home_q, hulls.values())
+    points = np.vstack([*(ends for _, *ends in lines), hardware, np.zeros(3)])
     low, high = points.min(axis=0), points.max(axis=0)
     radius = np.max(np.hypot(points[:, 1], points[:, 2]))
     length = high[0] - low[0]
@@ -142,6 +162,7 @@ def _draw_views(d: Drawing, mechanism: dict, home_q: Sequence[float]) -> None:
     def front(point: Vector) -> Point:
         return 740 + scale * point[1], 205 - scale * point[2]
 
+    draw_hulls(d, hulls, scale, (side, front))
     draw_hardware(d, plain, home_q, scale, (side, front))
     for view in (side, front):
         for kind, first, last in lines:

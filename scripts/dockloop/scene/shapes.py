@@ -1,13 +1,25 @@
 """Shapes of legs and docking hardware at home, for all drawings and the view."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from dockloop.base.palette import ACTIVE_FILL, INK, LATCH, PAPER, RING, SOFT
-from dockloop.base.rotations import find_matrix
-from dockloop.scene.hardware import list_active, list_hooks, make_hardware
+from dockloop.base.palette import (
+    ACTIVE_FILL,
+    CHASER,
+    CHASER_EDGE,
+    INK,
+    LATCH,
+    PAPER,
+    RING,
+    SOFT,
+    TARGET,
+    TARGET_EDGE,
+)
+from dockloop.base.rotations import find_matrix, invert_poses, join_poses
+from dockloop.native.variables import VEHICLES
+from dockloop.scene.hardware import list_active, list_hooks, make_hardware, make_hull
 from dockloop.scene.sheet import Drawing, Vector, View
 
 _STRAIGHT = 1e-4  # m: nearer to a line is on it; files of other tools have rounded numbers
@@ -154,6 +166,37 @@ def draw_hardware(
         _draw_shape(d, _place_shape(shape, ring), scale, views, (INK, LATCH))
 
 
+def place_hulls(document: dict) -> dict[str, dict]:
+    """Return the placed hulls of a resolved scene, by vehicle, axes and origin of the base.
+
+    The hull of the target is placed as docked: A and P coincide.
+    """
+    base = document.get("base", {})
+    in_base = invert_poses(
+        _as_row(base.get("position", (0, 0, 0)), base.get("attitude", (1, 0, 0, 0)))
+    )
+    hulls = {}
+    for name in VEHICLES:
+        vehicle = document.get(name, {})
+        if (hull := make_hull(vehicle)) is None:
+            continue
+        interface = _as_row(vehicle["interface_position"], vehicle["interface_attitude"])
+        row = join_poses(in_base, invert_poses(interface))[0]
+        hulls[name] = _place_shape(hull, (find_matrix(row[3:]), row[:3]))
+    return hulls
+
+
+def draw_hulls(
+    d: Drawing, hulls: Mapping[str, dict], scale: float, views: tuple[View, View]
+) -> None:
+    """Draw hulls of `place_hulls`, with their names; arguments as for `draw_hardware`."""
+    colors = {"chaser": (CHASER_EDGE, CHASER), "target": (TARGET_EDGE, TARGET)}
+    for name, hull in hulls.items():
+        _draw_shape(d, hull, scale, views, colors[name])
+        x, y = views[0](hull["place"]((hull["points"][1][0] / 2, 0.0, 0.0)))
+        d.label((x, y - 12), f"hull of the {name}", color=colors[name][0], size=11, clear=True)
+
+
 def _place_ring(mechanism: dict, home_q: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
     """Return rotation and position of G at home, axes and origin of the base."""
     capture = mechanism.get("capture", {})
@@ -171,12 +214,13 @@ def _place_active(mechanism: dict, home_q: Sequence[float], hardware: dict) -> l
     ]
 
 
-def list_points(mechanism: dict, home_q: Sequence[float]) -> np.ndarray:
-    """Return points that bound the drawn hardware at home, axes and origin of the base."""
+def list_points(mechanism: dict, home_q: Sequence[float], hulls: Iterable[dict] = ()) -> np.ndarray:
+    """Return points that bound the drawn hardware at home and placed hulls, axes of the base."""
     hardware = make_hardware(mechanism)
     placed = _place_active(mechanism, home_q, hardware)
     parts, base = hardware["interface"].values(), (np.eye(3), np.zeros(3))
     placed += [_place_shape(shape, base) for part in parts for shape in part]
+    placed += hulls
     points = [
         shape["place"](point) + step
         for shape in placed
@@ -192,6 +236,11 @@ def _list_corners(shape: dict) -> list[Vector]:
         return shape["points"]
     around = ((1, 0), (0, 1), (-1, 0), (0, -1))
     return [(x, r * c, r * s) for line in shape["profiles"] for x, r in line for c, s in around]
+
+
+def _as_row(position: Sequence[float], attitude: Sequence[float]) -> np.ndarray:
+    """Return a pose as one row of 7 numbers."""
+    return np.array([[*position, *attitude]], float)
 
 
 def _place_shape(shape: dict, frame: tuple[np.ndarray, np.ndarray]) -> dict:

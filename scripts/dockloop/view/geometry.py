@@ -2,7 +2,8 @@
 
 Nothing is drawn that the scene does not hold: rings, petals, cores, hooks and strikers are the
 contact surfaces that the core computes with, legs run between the joint points of the mechanism
-file. A vehicle is a homogeneous box with its mass and inertia, or a mesh that the user gives.
+file. A vehicle is a homogeneous box with its mass and inertia, or a mesh that the user gives, and
+the hull that the scene states.
 
 Poses are pairs ``{"p": [x, y, z], "q": [w, x, y, z]}``, quaternions as in the FMU.
 """
@@ -20,7 +21,13 @@ from dockloop.base.rotations import (
     turn,
 )
 from dockloop.native import core
-from dockloop.scene.hardware import find_extent, find_quaternion, list_hooks, make_hardware
+from dockloop.scene.hardware import (
+    find_extent,
+    find_quaternion,
+    list_hooks,
+    make_hardware,
+    make_hull,
+)
 from dockloop.scene.shapes import find_body_places, list_legs
 
 _HERE = np.array([[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]])
@@ -209,6 +216,7 @@ def _make_vehicle(name: str, vehicle: dict, parameters: dict[str, float], front:
         center, size, box = (low + high) / 2.0, high - low, np.array([[1.0, 0.0, 0.0, 0.0]])
     return {
         "mass": mass,
+        "hull": make_hull(vehicle),
         "motion": vehicle.get("motion", "free"),
         "pose": {"p": origin.tolist(), "q": back[0].tolist()},
         "box": {"size": size.tolist(), "pose": {"p": center.tolist(), "q": box[0].tolist()}},

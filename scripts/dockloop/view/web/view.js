@@ -180,6 +180,7 @@
       const vehicle = geometry.vehicles[name], holder = group(parent);
       vehicles.push(holder);
       if (has(`pose.vehicle.${name}`)) adapted.push([holder, `vehicle.${name}`]);
+      if (vehicle.hull) addHull(group(group(holder, vehicle.pose), vehicle.hull.pose), vehicle.hull.profiles, name);
       if (geometry.meshes.some(([of]) => of === name)) {
         addMeshes(group(holder, vehicle.pose), name, solid(COLORS[name], { transparent: true, opacity: 0.55 }));
         names.push(addLabel(holder, name, vehicle.pose.p, COLORS[name], 0.04));
@@ -202,10 +203,25 @@
     function addBox(holder, shape, name) {
       const box = new T.BoxGeometry(...shape.size.map((x) => Math.max(x, 0.02 * extent)));
       const inside = group(holder, shape.pose);
+      inside.add(new T.Mesh(box, veil(name)));
+      inside.add(new T.LineSegments(new T.EdgesGeometry(box), new T.LineBasicMaterial({ color: COLORS[name] })));
+    }
+
+    /** Closed outlines of (x, r) turned about x: a veil, and lines along it. */
+    function addHull(parent, profiles, name) {
+      addRevolution(parent, profiles, veil(name));
+      const material = new T.LineBasicMaterial({ color: COLORS[name], transparent: true, opacity: 0.6 });
+      for (const profile of profiles) {
+        for (let k = 0; k < 8; k++) {
+          const points = profile.map(([x, r]) => new T.Vector3(x, r * Math.cos(k * Math.PI / 4), r * Math.sin(k * Math.PI / 4)));
+          parent.add(new T.Line(new T.BufferGeometry().setFromPoints(points), material));
+        }
+      }
+    }
+    function veil(name) {
       const faces = new T.MeshLambertMaterial({ color: COLORS[name], transparent: true, opacity: 0.13, depthWrite: false, side: T.DoubleSide });
       walls.push(faces);
-      inside.add(new T.Mesh(box, faces));
-      inside.add(new T.LineSegments(new T.EdgesGeometry(box), new T.LineBasicMaterial({ color: COLORS[name] })));
+      return faces;
     }
 
     // Surfaces: rings, petals and other cores with their rounding, as the contact computes them.
