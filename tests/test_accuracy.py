@@ -35,7 +35,7 @@ NEAR = {
     "outputs.groups": ["relative", "capture", "phase", "ring", "solver"],
 }
 STOP, STEP = 3.0, 0.05
-STORED = [548, 10001]  # of a family; of an own mechanism
+STORED = [548, 10005]  # of a family; of an own mechanism
 
 
 @pytest.fixture(scope="module")
@@ -293,7 +293,8 @@ def test_after_a_long_motion_the_note_says_what_is_not_promised(stop, is_long):
     assert ("errors of late peaks and of the final motion can grow" in note) == is_long
     if is_long:
         passed, measured = find_numbers(r"went on for (\S+) s .* ones for at most (\S+) s", note)
-        assert passed == pytest.approx(stop - made["time_of_contact"][-1], rel=1e-3)
+        # But for a last inner step that ends after the run.
+        assert passed == pytest.approx(stop - made["time_of_contact"][-1], rel=5e-3)
         assert measured == 30.0
 
 

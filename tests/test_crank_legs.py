@@ -183,7 +183,8 @@ IDS = ["no gear", "gear", "gear along x"]
 def test_crank_legs_are_their_bodies(tmp_path, gear):
     """Both descriptions of six crank legs dock alike.
 
-    The crank of the second one turns backwards, so all outputs of its legs have the other sign.
+    The crank of the second one turns backwards, so all outputs of its legs have the other sign, but
+    for peaks, which have none.
     """
     mechanism = make_cranks(gear)
     files = [write_scene(tmp_path, m) for m in (mechanism, write_out(mechanism, gear))]
@@ -193,9 +194,11 @@ def test_crank_legs_are_their_bodies(tmp_path, gear):
     for name in short.names:
         if not name.startswith(("relative.", "ring.", "leg[", "capture.force", "capture.torque")):
             continue
-        sign = -1.0 if name.startswith("leg[") else 1.0
+        sign = -1.0 if name.startswith("leg[") and ".peak" not in name else 1.0
         scale = np.max(np.abs(written[name])) + 1e-3
         bound = 1e-5 if name.startswith("capture.") else 1e-6  # stiff contact amplifies differences
+        if ".peak" in name:  # of the states that were evaluated
+            bound = 1e-3
         assert np.max(np.abs(short[name] - sign * written[name])) < bound * scale, name
 
 
