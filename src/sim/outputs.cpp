@@ -15,14 +15,9 @@ std::array<double, Outputs::kLoadCount> find_capture_loads(const DockingData<dou
   return find_load_components(find_capture_load(data));
 }
 
-std::array<double, kPeakCount> find_peak_values(const DockingModel& model, const RatedLoads& rated,
-                                                DockingData<double>& data) {
+std::array<double, kPeakCount> find_searched_peaks(const DockingModel& model, const RatedLoads& rated,
+                                                   const DockingData<double>& data) {
   std::array<double, kPeakCount> values{};
-  const std::vector<Leg>& legs = model.mechanism.model.legs;
-  if (!legs.empty()) calc_docking_reactions(model, data);
-  for (size_t i = 0; i < std::min<size_t>(legs.size(), kMaxLegPeaks); ++i) {
-    values[kFirstLegPeak + i] = std::abs(find_leg_force(model, data, legs[i]));
-  }
   if (!model.present[kTarget]) return values;
   const auto load = find_capture_loads(data);
   std::copy(load.begin(), load.end(), values.begin());
@@ -30,6 +25,17 @@ std::array<double, kPeakCount> find_peak_values(const DockingModel& model, const
   const size_t surfaces = model.contact.rings ? 0 : model.contact.surfaces.size();
   for (size_t i = 0; i < surfaces; ++i) {
     values[kFirstSurfacePeak + i] = data.contact.surface_force[i].norm();
+  }
+  return values;
+}
+
+std::array<double, kPeakCount> find_peak_values(const DockingModel& model, const RatedLoads& rated,
+                                                DockingData<double>& data) {
+  std::array<double, kPeakCount> values = find_searched_peaks(model, rated, data);
+  const std::vector<Leg>& legs = model.mechanism.model.legs;
+  if (!legs.empty()) calc_docking_reactions(model, data);
+  for (size_t i = 0; i < std::min<size_t>(legs.size(), kMaxLegPeaks); ++i) {
+    values[kFirstLegPeak + i] = std::abs(find_leg_force(model, data, legs[i]));
   }
   return values;
 }

@@ -404,7 +404,7 @@ Status StepLoop::integrate_fixed(double h, std::int64_t limit) {
 void StepLoop::search_peaks(double from, double to) {
   const double share = std::max(1e-2 * method_.rtol, 1e-10);  // of a peak, worth an evaluation
   auto& peaks = state_.peaks;
-  const auto end = find_peak_values(*model_, rated_, present());
+  const auto end = find_searched_peaks(*model_, rated_, present());
   if (!peaks.is_near(end) && !peaks.is_near(peaks.value(peaks.count() - 1))) return;
   std::array<double, kPeakCount> value;
   const auto evaluate = [&](double t) {
