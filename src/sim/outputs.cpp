@@ -15,7 +15,8 @@ std::array<double, Outputs::kLoadCount> find_capture_loads(const DockingData<dou
   return find_load_components(find_capture_load(data));
 }
 
-std::array<double, kPeakCount> find_searched_peaks(const DockingModel& model, const RatedLoads& rated,
+std::array<double, kPeakCount> find_searched_peaks(const DockingModel& model,
+                                                   const RatedLoads& rated,
                                                    const DockingData<double>& data) {
   std::array<double, kPeakCount> values{};
   if (!model.present[kTarget]) return values;

@@ -38,8 +38,10 @@ void read_momentum(const OutputSource<S>& from, OutputValues<S>& out);
 /// torsion [N m].
 std::array<double, Outputs::kLoadCount> find_capture_loads(const DockingData<double>& data);
 
-/// Values of which SimState keeps the peaks, but for those of legs: zero, because they need reactions.
-std::array<double, kPeakCount> find_searched_peaks(const DockingModel& model, const RatedLoads& rated,
+/// Values of which SimState keeps the peaks, but for those of legs: zero, because they need
+/// reactions.
+std::array<double, kPeakCount> find_searched_peaks(const DockingModel& model,
+                                                   const RatedLoads& rated,
                                                    const DockingData<double>& data);
 /// All of them. @param data  its reactions are computed
 std::array<double, kPeakCount> find_peak_values(const DockingModel& model, const RatedLoads& rated,
