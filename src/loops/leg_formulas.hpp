@@ -401,7 +401,8 @@ struct CrankLeg : Leg<N, P> {
   }
   template <class AnyMotion, class B>
   auto move_rod(const AnyMotion& tube, const P& rate, const B& acceleration) const {
-    const auto &w = tube.w, &alpha = tube.alpha;
+    const auto& w = tube.w;
+    const auto& alpha = tube.alpha;
     return Motion{tube.a, Vector{w.x, w.y + rate, w.z},
                   Vector{alpha.x - rate * w.z, alpha.y + acceleration, alpha.z + rate * w.x}};
   }
@@ -479,7 +480,8 @@ struct SquareCrankLeg : Leg<N, P> {
   }
   template <class AnyMotion, class B>
   auto move_rod(const AnyMotion& tube, const P& rate, const B& acceleration) const {
-    const auto &w = tube.w, &alpha = tube.alpha;
+    const auto& w = tube.w;
+    const auto& alpha = tube.alpha;
     return Motion{tube.a, Vector{w.x + rate, w.y, w.z},
                   Vector{alpha.x + acceleration, alpha.y + rate * w.z, alpha.z - rate * w.y}};
   }
