@@ -87,11 +87,19 @@ struct Number<Zero> {
   static Zero of(Zero) { return {}; }
 };
 
+/// Like all that fill several rows of an array (CellsOf), it says how many, and calls f(row, part)
+/// for each part if it begins in row i.
 template <class X, class Y = X, class Z = Y>
 struct Vector {
   X x;
   Y y;
   Z z;
+
+  static constexpr int kRows = 3;
+  template <class Self, class F>
+  static void visit(int i, Self& of, const F& f) {
+    f(i, of.x), f(i + 1, of.y), f(i + 2, of.z);
+  }
 };
 template <class X, class Y, class Z>
 Vector(X, Y, Z) -> Vector<X, Y, Z>;
@@ -163,6 +171,12 @@ struct Columns {
   X x;
   Y y;
   Z z;
+
+  static constexpr int kRows = 9;
+  template <class Self, class F>
+  static void visit(int i, Self& of, const F& f) {
+    f(i, of.x), f(i + 3, of.y), f(i + 6, of.z);
+  }
 };
 template <class X, class Y, class Z>
 Columns(X, Y, Z) -> Columns<X, Y, Z>;
@@ -208,6 +222,13 @@ struct Symmetric {
   XY xy;
   XZ xz;
   YZ yz;
+
+  static constexpr int kRows = 6;
+  template <class Self, class F>
+  static void visit(int i, Self& of, const F& f) {
+    f(i, of.xx), f(i + 1, of.yy), f(i + 2, of.zz), f(i + 3, of.xy), f(i + 4, of.xz),
+        f(i + 5, of.yz);
+  }
 };
 template <class XX, class YY, class ZZ, class XY, class XZ, class YZ>
 Symmetric(XX, YY, ZZ, XY, XZ, YZ) -> Symmetric<XX, YY, ZZ, XY, XZ, YZ>;
@@ -248,6 +269,12 @@ auto turn(const Columns<A, B, C>& R, const Symmetric<S...>& s) {
 template <class T>
 struct Turn {
   T c, s;
+
+  static constexpr int kRows = 2;
+  template <class Self, class F>
+  static void visit(int i, Self& of, const F& f) {
+    f(i, of.c), f(i + 1, of.s);
+  }
 };
 template <class T, class A, class B, class C>
 auto operator*(const Turn<T>& t, const Vector<A, B, C>& a) {
@@ -295,34 +322,15 @@ struct CellsOf : Access {
   void read(int, Zero&) const {}
   void read(int, One&) const {}
   void read(int i, T& x) const { x = get(i); }
-  template <class A, class B, class C>
-  void read(int i, Vector<A, B, C>& v) const {
-    read(i, v.x), read(i + 1, v.y), read(i + 2, v.z);
-  }
-  template <class A, class B, class C>
-  void read(int i, Columns<A, B, C>& m) const {
-    read(i, m.x), read(i + 3, m.y), read(i + 6, m.z);
-  }
-  template <class... S>
-  void read(int i, Symmetric<S...>& s) const {
-    read(i, s.xx), read(i + 1, s.yy), read(i + 2, s.zz);
-    read(i + 3, s.xy), read(i + 4, s.xz), read(i + 5, s.yz);
+  template <class V, int = V::kRows>
+  void read(int i, V& v) const {
+    V::visit(i, v, [&](int k, auto& part) { read(k, part); });
   }
   void put(int i, Zero) const { put(i, T{}); }
   void put(int i, One) const { put(i, 1.0 + T{}); }
-  void put(int i, const Turn<T>& t) const { put(i, t.c), put(i + 1, t.s); }
-  template <class A, class B, class C>
-  void put(int i, const Vector<A, B, C>& v) const {
-    put(i, v.x), put(i + 1, v.y), put(i + 2, v.z);
-  }
-  template <class A, class B, class C>
-  void put(int i, const Columns<A, B, C>& m) const {
-    put(i, m.x), put(i + 3, m.y), put(i + 6, m.z);
-  }
-  template <class... S>
-  void put(int i, const Symmetric<S...>& s) const {
-    put(i, s.xx), put(i + 1, s.yy), put(i + 2, s.zz);
-    put(i + 3, s.xy), put(i + 4, s.xz), put(i + 5, s.yz);
+  template <class V, int = V::kRows>
+  void put(int i, const V& v) const {
+    V::visit(i, v, [&](int k, const auto& part) { put(k, part); });
   }
 };
 
@@ -331,18 +339,9 @@ template <class Access>
 struct SumsOf : Access {
   using Access::add;
   void add(int, Zero) const {}
-  template <class A, class B, class C>
-  void add(int i, const Vector<A, B, C>& v) const {
-    add(i, v.x), add(i + 1, v.y), add(i + 2, v.z);
-  }
-  template <class A, class B, class C>
-  void add(int i, const Columns<A, B, C>& m) const {
-    add(i, m.x), add(i + 3, m.y), add(i + 6, m.z);
-  }
-  template <class... S>
-  void add(int i, const Symmetric<S...>& s) const {
-    add(i, s.xx), add(i + 1, s.yy), add(i + 2, s.zz);
-    add(i + 3, s.xy), add(i + 4, s.xz), add(i + 5, s.yz);
+  template <class V, int = V::kRows>
+  void add(int i, const V& v) const {
+    V::visit(i, v, [&](int k, const auto& part) { add(k, part); });
   }
 };
 
