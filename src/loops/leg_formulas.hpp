@@ -185,16 +185,16 @@ struct Leg {
     height = in.get(kCrank + 1);
   }
   template <class In>
-  static auto get_tube(const In& in) {
-    return get_moments(in, kTube);
-  }
-  template <class In>
-  static auto get_rod(const In& in) {
-    return get_moments(in, kRod);
+  static auto get_outer(const In& in, int row) {
+    return get_moments(in, row);
   }
   template <class In>
   static auto get_cross(const In& in) {
     return get_moments(in, kCross);
+  }
+  template <class In>
+  static Zero get_spin(const In&) {
+    return {};
   }
   template <class Out>
   void write(const Out& work) const {
@@ -219,7 +219,7 @@ struct Leg {
 //   get_axis       of the first joint, E; get_along_axis: component along it, K turned by it
 //   find_first     what force and moment about the elbow do along the first joint
 //   find_last      the same, along the last one
-//   get_tube, get_rod, get_cross   moments of the bodies
+//   get_outer      moments of tube or rod, whose first row is given; get_cross: of the cross
 //   find_turned    inertia about the first axis, from moments about the elbow, without the part of
 //                  a point mass in the elbow: kTurned holds that part
 //   place_rod      moments of the rod about the elbow, E, from those at coordinate 0
@@ -270,12 +270,12 @@ struct SlideLeg : Leg<N, P, Mix<Off, P>> {
   auto get_axis() const { return Vector{second.s, second.c, Zero()}; }
   static P get_along_axis(const Vector<P>& v) { return v.y; }
   static Zero get_along_axis(Zero) { return {}; }
-  template <class F, class M>
-  auto find_first(const Wrench<F, M>& w) const {
+  template <class AnyWrench>
+  auto find_first(const AnyWrench& w) const {
     return second.s * w.n.x + second.c * w.n.y;
   }
-  template <class F, class M>
-  static auto find_last(const Wrench<F, M>& w) {
+  template <class AnyWrench>
+  static auto find_last(const AnyWrench& w) {
     return w.f.x;
   }
   template <class In>
@@ -283,31 +283,23 @@ struct SlideLeg : Leg<N, P, Mix<Off, P>> {
     return {in.get(kSpin), in.get(kSpin + 1)};
   }
   template <class In>
-  static auto get_body(const In& in, int row) {
+  static auto get_outer(const In& in, int row) {
     return Moments{
         in.get(row), Vector{in.get(row + 1), get_off(in.get(row + 2)), get_off(in.get(row + 3))},
         Symmetric{in.get(row + 4), in.get(row + 5), in.get(row + 6), get_off(in.get(row + 7)),
                   get_off(in.get(row + 8)), get_off(in.get(row + 9))}};
   }
   template <class In>
-  static auto get_tube(const In& in) {
-    return get_body(in, kTube);
-  }
-  template <class In>
-  static auto get_rod(const In& in) {
-    return get_body(in, kRod);
-  }
-  template <class In>
   static auto get_cross(const In& in) {
     return if_zero(Off(), get_moments(in, kCross));
   }
-  template <class M, class H, class J>
-  P find_turned(const Moments<M, H, J>& of) const {
+  template <class AnyMoments>
+  P find_turned(const AnyMoments& of) const {
     const P &s = second.s, &c = second.c;
     return s * s * of.J.xx + 2.0 * s * c * of.J.xy + c * c * of.J.yy;
   }
-  template <class M, class H, class J>
-  auto place_rod(const Moments<M, H, J>& rod) const {
+  template <class AnyMoments>
+  auto place_rod(const AnyMoments& rod) const {
     const Vector<P, Side> h = {rod.h.x + rod.m * slide, Number<Side>::of(rod.h.y),
                                Number<Side>::of(rod.h.z)};
     const P spread_x = slide * (rod.h.x + h.x);
@@ -316,8 +308,8 @@ struct SlideLeg : Leg<N, P, Mix<Off, P>> {
                              rod.J.xy - slide * rod.h.y, rod.J.xz - slide * rod.h.z,
                              Number<Side>::of(rod.J.yz)}};
   }
-  template <class M, class H, class J>
-  static auto carry_last(const Moments<M, H, J>& rod) {
+  template <class AnyMoments>
+  static auto carry_last(const AnyMoments& rod) {
     return Wrench{Vector{Number<P>::of(rod.m), Zero(), Zero()}, Vector{Zero(), rod.h.z, -rod.h.y}};
   }
   template <class AnyMotion, class B>
@@ -374,29 +366,25 @@ struct CrankLeg : Leg<N, P> {
   Vector<P> find_elbow() const { return fill<P>(turn_back(second, Vector<N>{l1, N{}, height})); }
   auto get_axis() const { return Vector{Zero(), Zero(), One()}; }
   static P get_along_axis(const Vector<P>& v) { return v.z; }
-  template <class F, class M>
-  P find_first(const Wrench<F, M>& w) const {
+  template <class AnyWrench>
+  P find_first(const AnyWrench& w) const {
     return w.n.z + l1 * (second.s * w.f.x + second.c * w.f.y);
   }
-  template <class F, class M>
-  static P find_last(const Wrench<F, M>& w) {
+  template <class AnyWrench>
+  static P find_last(const AnyWrench& w) {
     return w.n.y;
   }
-  template <class In>
-  static Zero get_spin(const In&) {
-    return {};
-  }
-  template <class M, class H, class J>
-  P find_turned(const Moments<M, H, J>& of) const {
+  template <class AnyMoments>
+  P find_turned(const AnyMoments& of) const {
     return of.J.zz + 2.0 * l1 * (second.c * of.h.x - second.s * of.h.y);
   }
-  template <class M, class H, class J>
-  auto place_rod(const Moments<M, H, J>& rod) const {
+  template <class AnyMoments>
+  auto place_rod(const AnyMoments& rod) const {
     return Moments{rod.m, roll(fill<P>(this->third * roll_back(rod.h))),
                    roll(fill<P>(turn(this->third, roll_back(rod.J))))};
   }
-  template <class M, class H, class J>
-  static auto carry_last(const Moments<M, H, J>& rod) {
+  template <class AnyMoments>
+  static auto carry_last(const AnyMoments& rod) {
     return Wrench{Vector{rod.h.z, Zero(), -rod.h.x}, Vector{rod.J.xy, rod.J.yy, rod.J.yz}};
   }
   template <class AnyMotion, class B>
@@ -451,31 +439,27 @@ struct SquareCrankLeg : Leg<N, P> {
   Vector<P> find_elbow() const { return fill<P>(turn_back(second, Vector<N>{height, l1, N{}})); }
   auto get_axis() const { return Vector{second.c, -second.s, Zero()}; }
   static P get_along_axis(const Vector<P>& v) { return v.x; }
-  template <class F, class M>
-  P find_first(const Wrench<F, M>& w) const {
+  template <class AnyWrench>
+  P find_first(const AnyWrench& w) const {
     return second.c * w.n.x - second.s * w.n.y + l1 * w.f.z;
   }
-  template <class F, class M>
-  static P find_last(const Wrench<F, M>& w) {
+  template <class AnyWrench>
+  static P find_last(const AnyWrench& w) {
     return w.n.x;
   }
-  template <class In>
-  static Zero get_spin(const In&) {
-    return {};
-  }
-  template <class M, class H, class J>
-  P find_turned(const Moments<M, H, J>& of) const {
+  template <class AnyMoments>
+  P find_turned(const AnyMoments& of) const {
     const P &s = second.s, &c = second.c;
     return c * c * of.J.xx - 2.0 * c * s * of.J.xy + s * s * of.J.yy +
            2.0 * l1 * (c * of.h.y + s * of.h.x);
   }
-  template <class M, class H, class J>
-  auto place_rod(const Moments<M, H, J>& rod) const {
+  template <class AnyMoments>
+  auto place_rod(const AnyMoments& rod) const {
     return Moments{rod.m, roll_back(fill<P>(this->third * roll(rod.h))),
                    roll_back(fill<P>(turn(this->third, roll(rod.J))))};
   }
-  template <class M, class H, class J>
-  static auto carry_last(const Moments<M, H, J>& rod) {
+  template <class AnyMoments>
+  static auto carry_last(const AnyMoments& rod) {
     return Wrench{Vector{Zero(), -rod.h.z, rod.h.y}, Vector{rod.J.xx, rod.J.xy, rod.J.xz}};
   }
   template <class AnyMotion, class B>

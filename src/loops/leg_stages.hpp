@@ -37,8 +37,8 @@ Reached calc_leg_position(AnyLeg leg, const In& in, const Out& work, const Total
   const Matrix<P> EC = {turn_back(KC, E.x), turn_back(KC, E.y), turn_back(KC, E.z)};
 
   // Inertia in the joint coordinates, inverse of the loop matrix, apparent inertia at the tip.
-  const auto rod = leg.place_rod(leg.get_rod(in));
-  const auto outer = leg.get_tube(in) + rod;
+  const auto rod = leg.place_rod(leg.get_outer(in, kRod));
+  const auto outer = leg.get_outer(in, kTube) + rod;
   const auto second =
       Wrench{Vector{-outer.h.y, outer.h.x, Zero()}, Vector{outer.J.xz, outer.J.yz, outer.J.zz}};
   const auto spin = leg.get_spin(in);
@@ -122,13 +122,13 @@ struct LegLoad {
 template <class AnyLeg, class In, class Out, class AnyMotion, class P, class A>
 LegLoad<P> find_outer_load(const AnyLeg& leg, const In& in, const Out& work, const AnyMotion& at,
                            const P& rate, const A& acceleration) {
-  decltype(leg.place_rod(leg.get_rod(in))) rod;
+  decltype(leg.place_rod(leg.get_outer(in, kRod))) rod;
   rod.m = in.get(kRod);
   work.read(kRodMoment, rod.h);
   work.read(kRodInertia, rod.J);
   const auto of_rod = find_load(rod, at.rod);
   const auto spin = leg.get_spin(in);
-  const auto all = find_load(leg.get_tube(in), at.tube) + of_rod +
+  const auto all = find_load(leg.get_outer(in, kTube), at.tube) + of_rod +
                    find_spin_load(spin, at.tube.w, rate, acceleration);
   return {{fill<P>(all.f), fill<P>(all.n)},
           {Number<P>::of(leg.find_first(all)), Number<P>::of(all.n.z),
