@@ -26,6 +26,12 @@ Vec6<S> find_rate_per_twist(const PlatformData<S>& at, const LegPlace& leg, int 
   return rate;
 }
 
+/// @pre calc_rates
+template <class S>
+S find_joint_rate(const PlatformData<S>& at, const LegPlace& leg, int i) {
+  return S(leg.sign[i]) * at.store.work(leg, legs::kRate + i);
+}
+
 /// Sum over the terms of a gear. @param get  value of a joint of a leg
 template <class S, class Get>
 S find_gear_sum(const PlatformData<S>& at, const GearData<S>& gear, const Get& get) {
@@ -44,9 +50,8 @@ void put_gear_coordinate(const PlatformData<S>& at, const GearData<S>& gear, Tre
 
 template <class S>
 S find_gear_rate(const PlatformData<S>& at, const GearData<S>& gear) {
-  return find_gear_sum(at, gear, [&](const LegPlace& leg, int i) {
-    return S(S(leg.sign[i]) * at.store.work(leg, legs::kRate + i));
-  });
+  return find_gear_sum(at, gear,
+                       [&](const LegPlace& leg, int i) { return find_joint_rate(at, leg, i); });
 }
 
 /// Acceleration of a joint of a leg while the twist of the platform rests. @pre calc_bias
@@ -129,9 +134,7 @@ Wrench<S> find_train_load(const PlatformData<S>& at) {
   const Vec3<S> w = as_vector(at.motion.root);
   Vec3<S> momentum = train.frozen * w, moment = Vec3<S>::Zero();
   for (const auto& joint : train.joints) {
-    const LegPlace& leg = at.legs[joint.leg];
-    const S rate = S(leg.sign[joint.joint]) * at.store.work(leg, legs::kRate + joint.joint);
-    momentum += rate * joint.momentum;
+    momentum += find_joint_rate(at, at.legs[joint.leg], joint.joint) * joint.momentum;
     moment += joint.acceleration * joint.momentum;
   }
   return {w.cross(w.cross(train.first_moment)), w.cross(momentum) + moment};

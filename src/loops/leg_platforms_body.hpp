@@ -439,8 +439,7 @@ void calc_leg_velocities(const MechanismModel& model, const LoopPlan& plan, cons
     at.store.calc_rates(motion);
     for (const ReportedJoint& joint : at.reported) {
       const LegPlace& leg = at.legs[joint.leg];
-      tree.v[leg.v[joint.joint]] =
-          S(leg.sign[joint.joint]) * at.store.work(leg, legs::kRate + joint.joint);
+      tree.v[leg.v[joint.joint]] = find_joint_rate(at, leg, joint.joint);
     }
     for (const GearData<S>& gear : at.gears) {
       if (gear.is_reported) tree.v[gear.v] = find_gear_rate(at, gear);
@@ -453,7 +452,7 @@ void put_leg_velocities(TreeData<S>& tree, const LoopData<S>& loops) {
   for (const PlatformData<S>& at : loops.platform) {
     for (const LegPlace& leg : at.legs) {
       for (int i = 0; i < 3; ++i) {
-        tree.v[leg.v[i]] = S(leg.sign[i]) * at.store.work(leg, legs::kRate + i);
+        tree.v[leg.v[i]] = find_joint_rate(at, leg, i);
       }
     }
     for (const GearData<S>& gear : at.gears) tree.v[gear.v] = find_gear_rate(at, gear);
@@ -595,14 +594,8 @@ void put_leg_accelerations(const LoopPlan& plan, VecX<S>& vdot, LoopData<S>& loo
   for (const PlatformData<S>& at : loops.platform) {
     for (const LegPlace& leg : at.legs) {
       BlockData<S>& data = loops.block[leg.block];
-      Vec3<S> free;
-      for (int i = 0; i < 3; ++i) free[i] = at.store.work(leg, legs::kTipFree + i);
       for (int i = 0; i < 3; ++i) {
-        S sum(0);
-        for (int j = 0; j < 3; ++j) {
-          sum += at.store.work(leg, legs::kInverse + 3 * i + j) * free[j];
-        }
-        data.h[leg.form.joint[i].row] = S(leg.sign[i]) * sum;
+        data.h[leg.form.joint[i].row] = find_free_acceleration(at, leg, i);
       }
       const LoopBlock& block = plan.blocks[leg.block];
       for (int i = 0; i < 3; ++i) {

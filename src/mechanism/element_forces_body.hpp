@@ -73,11 +73,6 @@ void scale_terms(const FailureEffect<S>& effect, LawTerms<S>& terms) {
   }
 }
 
-template <class S>
-LawTerms<S> calc_any_law(const ForceLaw& law, const LawInput<S>& in) {
-  return std::visit([&](const auto& each) { return calc_law(each, in); }, law);
-}
-
 /// A law as a sequence has switched it; a motor or drive with the numbers of the file may start
 /// late. @param[in, out] effect  of failures; an eddy brake that is not engaged is as one that has
 /// failed
@@ -95,7 +90,7 @@ LawTerms<S> calc_switched_law(const ForceLaw& law, const LawSetting* setting, La
   }
   if (!drive) {
     if (effect.delay != 0.0) in.time = in.time - S(effect.delay);
-    return calc_any_law(law, in);
+    return std::visit([&](const auto& each) { return calc_law(each, in); }, law);
   }
   if (setting->drive == LawSetting::Drive::kOff) return {};
   DriveLaw running = *drive;
