@@ -41,7 +41,7 @@ Status DockingSim::Impl::receive(double h) {
   std::array<Wrench<double>, 2> momentum_before;
   for (int i : {kChaser, kTarget}) momentum_before[i] = find_momentum(*model, i, present());
   const std::array<Wrench<double>, 2> carried_before = find_carried_momenta();
-  const std::array<double, kPeakCount> loads_before = find_peak_values();
+  const std::array<double, kPeakCount> loads_before = find_searched_peaks();
   const bool grips =
       (has_surfaces() && present().contact.gap <= 0.0) || events->count_held_latches() > 0;
 
@@ -85,8 +85,9 @@ Status DockingSim::Impl::receive(double h) {
   if (!status.ok()) return status;
   if (has_surfaces() && !discrete.contacted && present().contact.gap <= 0.0)
     events->begin_contact(elapsed);
-  const std::array<double, kPeakCount> loads_after = find_peak_values();
-  if (!is_same_within_rounding(loads_before, loads_after)) peaks.begin(elapsed, loads_after);
+  if (!is_same_within_rounding(loads_before, find_searched_peaks())) {
+    peaks.begin(elapsed, find_peak_values());
+  }
   // The correction by the host counts as its work and impulse, not as an integration error.
   const double energy_after = find_total_energy(*model, present());
   energy_audit.host_work += energy_after - energy_before;

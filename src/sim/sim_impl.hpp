@@ -195,6 +195,9 @@ struct DockingSim::Impl : SimState {
     return dockloop::find_peak_values(*model, scene->rated, at);
   }
   std::array<double, kPeakCount> find_peak_values() const { return find_peak_values(present()); }
+  std::array<double, kPeakCount> find_searched_peaks() const {
+    return dockloop::find_searched_peaks(*model, scene->rated, present());
+  }
   /// Present step of the sequence, from 1; 0 without a sequence.
   int find_sequence_step() const {
     return events->sequence().exists() ? discrete.sequence.step + 1 : 0;
