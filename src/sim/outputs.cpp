@@ -105,9 +105,13 @@ Status DockingSim::Impl::update_main() {
 std::string DockingSim::Impl::describe_left_out() const {
   if (!setup || parameters.accuracy == 0.0 || fmi_kind == FmiKind::kModelExchange) return {};
   const double place = kQuiescentPlace * chosen.atol_position;
+  Counters counters = step_loop->find_counters();
+  if (ahead.pending && discrete.contacted) {  // this step is not booked yet
+    counters.left_out.time_since_contact += ahead.reached - ahead.begin;
+  }
   return dockloop::describe_left_out(
-      {find_point_time(), step_loop->find_counters(), place, model->contact.pair_count(), points,
-       read_points, step_loop->method().is_fixed_step() ? 0.0 : parameters.accuracy});
+      {find_point_time(), counters, place, model->contact.pair_count(), points, read_points,
+       step_loop->method().is_fixed_step() ? 0.0 : parameters.accuracy});
 }
 
 Status DockingSim::Impl::update_bodies() {
