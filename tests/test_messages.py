@@ -384,8 +384,10 @@ def test_bad_usage_is_one_sentence(dockloop, tmp_path, arguments):
 )
 def test_a_refused_value_is_named_without_functions_of_fmi(dockloop, tmp_path, setting, sentence):
     run = dockloop("run", "idss_25t_350t", "--set", setting, "--stop", "0.1")
-    assert (run.status, run.err) == (2, f"dockloop: scene idss_25t_350t: {sentence}\n")
     name, value = setting.split("=")
+    assert (run.status, run.err.count("\n")) == (2, 1)
+    assert run.err.startswith(f"dockloop: --set {setting}")
+    assert run.err.endswith(f": {sentence}\n")
     vary = f'[[vary]]\ntype = "grid"\nname = "{name}"\nvalues = [{value}]\n'
     (tmp_path / "own.toml").write_text(f'scene = "idss_25t_350t"\n{vary}')
     sweep = dockloop("sweep", "own.toml", "--no-plots")
@@ -449,7 +451,7 @@ def test_a_solution_that_was_kept_but_is_damaged_is_named(dockloop, tmp_path):
     ],
 )
 @pytest.mark.parametrize("in_file", [True, False])
-def test_what_a_scene_sets_in_a_mechanism_is_blamed_on_the_scene(
+def test_what_is_set_in_a_mechanism_is_blamed_on_the_scene_or_the_option(
     dockloop, tmp_path, keys, words, in_file
 ):
     text = (paths.SCENES / "idss_25t_350t.toml").read_text()
@@ -465,7 +467,8 @@ def test_what_a_scene_sets_in_a_mechanism_is_blamed_on_the_scene(
     outcome = dockloop("build", "own.toml", *options)
     assert outcome.status == 2, outcome
     mechanism = str(paths.MECHANISMS / "idss_hexapod.json")
-    assert outcome.err.startswith(f"dockloop: own.toml: {words.replace('MECHANISM', mechanism)}")
+    setter = "own.toml" if in_file else f"--scene mechanism.set.{keys[-1]}"
+    assert outcome.err.startswith(f"dockloop: {setter}: {words.replace('MECHANISM', mechanism)}")
 
 
 def test_a_fault_of_the_mechanism_itself_is_blamed_on_its_file(dockloop, tmp_path):

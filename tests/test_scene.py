@@ -136,7 +136,7 @@ def test_a_mechanism_next_to_the_scene_wins_and_may_stand_under_a_key(tmp_path):
         ("chaser.mas=3", ["chaser.mas", "'chaser.mass'"]),
         ("chaser", ["KEY=VALUE"]),
         ("chaser=3", ["section", "chaser.MEMBER"]),
-        ("chaser.mass=-3", ["idss_25t_350t.toml", "chaser.mass", "-3", "greater than 0"]),
+        ("chaser.mass=-3", ["--scene chaser.mass=-3: chaser.mass is -3", "greater than 0"]),
         ("chaser.mass=nan", ["chaser.mass", "nan", "finite"]),
         ("chaser.mass=heavy", ["chaser.mass", "heavy", "a number"]),
         ("chaser.motion=drive", ["chaser.motion", "'driven'"]),
@@ -163,6 +163,34 @@ def test_a_bad_override_is_refused_in_one_sentence_that_names_member_and_limit(o
     assert "\n" not in text
     for word in words:
         assert word in text
+
+
+@pytest.mark.parametrize(
+    ("override", "sentence"),
+    [
+        ("chaser.mass=-1", "chaser.mass is -1: must be greater than 0"),
+        ("chaser.part.1.mass=-2", "chaser.part[1].mass is -2: must be greater than 0"),
+        ("chaser.inertia.1=abc", 'chaser.inertia[1] is "abc": must be a number'),
+        ("chaser.mo*=1", "chaser.motion is 1: must be one of free, driven, fixed"),
+        ("disturbance.1.force=[1]", "disturbance[1].force has 1 entries: must have 3"),
+        (
+            "experiment.start=50",
+            "experiment.stop is 20.0: must be greater than experiment.start = 50",
+        ),
+    ],
+)
+def test_a_bad_value_is_blamed_on_the_override_that_has_set_it(override, sentence):
+    others = ["initial.closing_speed=0.05", "chaser.mass=2e3", "experiment.start=0"]
+    with pytest.raises(UsageError) as error:
+        resolve_scene(find_scene("hexapod"), [*others, override])
+    assert str(error.value) == f"--scene {override}: {sentence}"
+
+
+def test_a_bad_value_of_a_file_is_blamed_on_the_file(tmp_path):
+    scene = tmp_path / "alone.toml"
+    scene.write_text(ALONE.replace("mass = ", "mass = -"))
+    with pytest.raises(UsageError, match=r"alone\.toml: chaser\.mass is -"):
+        resolve_scene(scene, ["chaser.motion=free", "experiment.stop=9"])
 
 
 def test_a_bad_mechanism_file_is_refused_with_the_path_of_the_member(tmp_path):

@@ -283,7 +283,8 @@ def test_a_scene_without_motion_to_compare_is_refused():
 # ---------------------------------------------------------------- the reference solution
 
 
-def test_the_solution_is_found_once(absorber, build, monkeypatch):
+def test_the_solution_is_found_once(absorber, tmp_path, monkeypatch):
+    monkeypatch.setattr(paths, "RESULTS", tmp_path)  # nothing was found in it before
     said = []
     names = ["relative.position[1]"]
     first = find_solution(absorber, 0.5, 0.1, names, said.append)

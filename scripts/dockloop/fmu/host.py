@@ -35,6 +35,7 @@ from dockloop.result.recording import Result, list_points, warn_of_driven
 from dockloop.result.summary import is_summarised
 from dockloop.scene.carried import read_scene
 from dockloop.scene.resolve import scene_members
+from dockloop.scene.values import as_setting
 
 _WARNING = 1  # fmi2Warning
 _CHOICES = b"logChoices"  # category of what `accuracy` has chosen
@@ -82,7 +83,7 @@ def run_fmu(
         if check_size:
             check_size(len(times), 1 + len(chosen))
         with Instance(description, str(folder), label or shown(path)) as instance:
-            instance.initialise(starts, times)
+            instance.initialise(starts, times, "--set")
             loaded = time.perf_counter()
             wanted = chosen | {v.name for v in _list_outputs(description) if is_summarised(v.name)}
             recording = record(instance, scene, times, progress, wanted=wanted)
@@ -173,19 +174,23 @@ class Instance:
     def __exit__(self, *_: object) -> None:
         self.slave.freeInstance()
 
-    def initialise(self, starts: list[tuple], times: np.ndarray) -> None:
-        """Set start values and initialise at times[0]; refusals are the caller's fault."""
+    def initialise(self, starts: list[tuple], times: np.ndarray, option: str = "") -> None:
+        """Set start values and initialise at times[0]; refusals are the caller's fault.
+
+        Messages about a value begin with the `option` that gave it, if there was one.
+        """
         slave, self.time = self.slave, float(times[0])
         try:
             # No tolerance from here: the parameter solver.rtol decides.
             slave.setupExperiment(startTime=times[0], stopTime=times[-1])
             for variable, value in starts:
-                setter = getattr(slave, f"set{variable.type}")
-                setter([variable.valueReference], [value])
+                begin = f"{option} {as_setting(variable.name, value)}" if option else self._label
+                getattr(slave, f"set{variable.type}")([variable.valueReference], [value])
+            begin = self._label
             slave.enterInitializationMode()
             slave.exitInitializationMode()
         except FMICallException as error:
-            raise UsageError(self.sentence(error)) from None
+            raise UsageError(self.sentence(error, begin)) from None
 
     def read_parameters(self) -> dict[str, float]:
         """Read every parameter that is a number."""
@@ -244,10 +249,10 @@ class Instance:
         elif status > _WARNING:
             self._log.append(message)
 
-    def sentence(self, error: Exception) -> str:
-        """Return why the last call failed, in the words of the FMU."""
+    def sentence(self, error: Exception, begin: str | None = None) -> str:
+        """Return why the last call failed, in the words of the FMU after what they are about."""
         text = self._log[-1] if self._log else f"the FMU refused without a message ({error})"
-        return f"{self._label}: {self._without_folder(without_function(text))}"
+        return f"{begin or self._label}: {self._without_folder(without_function(text))}"
 
     def _without_folder(self, text: str) -> str:
         """Return a sentence that names files of the FMU as people know them."""

@@ -19,8 +19,8 @@ import json
 import math
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import ExitStack, suppress
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
@@ -150,8 +150,17 @@ class SceneReader:
             return [name]
         return [key for key in self.list_keys() if "*" in name and fits(key, name)]
 
-    def resolve(self, overrides: list[str] | tuple[str, ...] = ()) -> dict:
-        """Do the work of `resolve_scene`; documents of equal mechanisms share them."""
+    def resolve(
+        self, overrides: list[str] | tuple[str, ...] = (), given_by: str = "--scene"
+    ) -> dict:
+        """Do the work of `resolve_scene`; documents of equal mechanisms share them.
+
+        Messages about an override begin with `given_by` and its text.
+        """
+        with _blaming(overrides, self._path, given_by):
+            return self._resolve(overrides)
+
+    def _resolve(self, overrides: list[str] | tuple[str, ...]) -> dict:
         scene = without_nulls(self._scene)  # a copy: TOML has no nulls
         changes: dict[tuple[str | int, ...], Any] = {}
         for text in overrides:
@@ -163,6 +172,37 @@ class SceneReader:
         named = scene.get("mechanism")
         text = json.dumps(named and named | {"sequence": scene.get("sequence", {})}, default=str)
         return _resolve(scene, self._mechanism(text) if named else {"name": "none"}, self._path)
+
+
+@contextmanager
+def _blaming(overrides: Sequence[str], path: Path, given_by: str) -> Iterator[None]:
+    """Let messages about what an override has set begin with the override, not with the file.
+
+    Such a message names the file, then the key: ``chaser.part[1].mass is ...``.
+    """
+    try:
+        yield
+    except UsageError as error:
+        sentence = str(error).removeprefix(f"{shown(path)}: ")
+        given = [text for text in reversed(overrides) if sentence.startswith(f"--scene {text}: ")]
+        if given:
+            raise UsageError(sentence.replace("--scene", given_by, 1)) from None
+        for word in sentence.split():  # the first ones say what is wrong, later ones why
+            for text in reversed(overrides):
+                if _is_about(word.rstrip(":"), text.partition("=")[0].strip()):
+                    raise UsageError(f"{given_by} {text}: {sentence}") from None
+        raise
+
+
+def _is_about(word: str, key: str) -> bool:
+    """Return whether a word of a message means what a key sets: a section, a part of its value."""
+    parts, named = key.split("."), word.replace("[", ".").replace("]", "").split(".")
+    rest = parts[len(named) :]  # numbers of a list that is wrong as a whole
+    both = zip(parts, named, strict=False)
+    return word == f"[{parts[0]}]" or (
+        all(a == b or ("*" in a and fits(b, a)) for a, b in both)
+        and all(part.isdecimal() for part in rest)
+    )
 
 
 def _number_choices(scene: dict) -> None:

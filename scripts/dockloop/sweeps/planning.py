@@ -79,7 +79,8 @@ class Planner:
         fixed = sweep.document["set"]
         self._reader = SceneReader(sweep.scene)
         self.unplaced = self._reader.resolve(
-            [as_setting(n, v) for n, v in fixed.items() for n in self._reader.list_keys_like(n)]
+            [as_setting(n, v) for n, v in fixed.items() for n in self._reader.list_keys_like(n)],
+            f"{shown(sweep.path)}: set",
         )
         self.base = copy.deepcopy(self.unplaced)
         find_placement(self.base, sweep.scene)
