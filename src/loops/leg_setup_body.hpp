@@ -2,6 +2,7 @@
 // joints whose motion is found in every evaluation.
 #pragma once
 
+#include "loops/closed_form_body.hpp"
 #include "loops/leg_store_body.hpp"
 
 namespace dockloop {
