@@ -87,7 +87,8 @@ def _list_facts(summary: dict) -> Iterator[tuple[str, str]]:
     if legs := summary.get("legs"):
         ends = (say_number(1e3 * legs[f"{end}_travel"]) for end in ("shortest", "longest"))
         force = f"largest force {say_number(legs['largest_force'])} N {say_place(legs['peak'])}"
-        yield "legs", f"travel {' to '.join(ends)} mm from the start, {force}"
+        travel = f"travel {' to '.join(ends)} mm from the start at communication points"
+        yield "legs", f"{travel}, {force}"
     if energy := summary.get("energy"):
         least = _LEAST_PART * abs(energy["dissipated"])
         parts = ", ".join(

@@ -120,7 +120,10 @@ def run_command(options: argparse.Namespace) -> dict[str, Any]:
         outcome,
         others.pop(0),
         _report_errors(result.error_estimate),
-        Section("Travel against stops", table=[_TRAVEL_HEADS, *travels] if travels else []),
+        Section(
+            "Travel against stops, at communication points",
+            table=[_TRAVEL_HEADS, *travels] if travels else [],
+        ),
         Section("Mechanism at home", figures=[drawing] if mechanism else []),
         *_report_worst(worst),
         *(_report_envelope(found, [boundary] if boundary in figures else []) if found else []),
@@ -202,7 +205,7 @@ def report_review(summary: dict[str, Any]) -> list[Section]:
     return [
         Section(f"Review of {summary['scene']}", table=[FACTS, *facts]),
         Section("Peak loads", table=[heads, *loads]),
-        Section("Travel against stops", table=[_TRAVEL_HEADS, *travels]),
+        Section("Travel against stops, at communication points", table=[_TRAVEL_HEADS, *travels]),
     ]
 
 
