@@ -5,6 +5,7 @@ These tests need no compiled part.
 
 import json
 import math
+import re
 import tomllib
 
 import pytest
@@ -15,6 +16,7 @@ from dockloop.base import paths, schema
 from dockloop.base.errors import UsageError
 from dockloop.scene.copies import copy_scene
 from dockloop.scene.find import find_scene, read_mechanism, read_toml
+from dockloop.scene.placement import read_placed
 from dockloop.scene.resolve import (
     SceneReader,
     apply_override,
@@ -172,7 +174,9 @@ def test_a_bad_override_is_refused_in_one_sentence_that_names_member_and_limit(o
         ("chaser.part.1.mass=-2", "chaser.part[1].mass is -2: must be greater than 0"),
         ("chaser.inertia.1=abc", 'chaser.inertia[1] is "abc": must be a number'),
         ("chaser.mo*=1", "chaser.motion is 1: must be one of free, driven, fixed"),
-        ("disturbance.1.force=[1]", "disturbance[1].force has 1 entries: must have 3"),
+        ("c*mass=-3", "chaser.mass is -3: must be greater than 0"),
+        ("target.interface_position=[1]", "target.interface_position has 1 entries: must have 3"),
+        ("chaser.part.1.mass=4", "chaser.part[1] lacks the member 'joint'"),
         (
             "experiment.start=50",
             "experiment.stop is 20.0: must be greater than experiment.start = 50",
@@ -180,17 +184,54 @@ def test_a_bad_override_is_refused_in_one_sentence_that_names_member_and_limit(o
     ],
 )
 def test_a_bad_value_is_blamed_on_the_override_that_has_set_it(override, sentence):
-    others = ["initial.closing_speed=0.05", "chaser.mass=2e3", "experiment.start=0"]
+    others = [
+        "initial.closing_speed=0.05",
+        "chaser.mass=2e3",
+        "experiment.start=0",
+        "target.interface_position.1=4",
+    ]
     with pytest.raises(UsageError) as error:
         resolve_scene(find_scene("hexapod"), [*others, override])
     assert str(error.value) == f"--scene {override}: {sentence}"
 
 
-def test_a_bad_value_of_a_file_is_blamed_on_the_file(tmp_path):
+@pytest.mark.parametrize(
+    ("change", "override", "sentence"),
+    [
+        (("mass = ", "mass = -"), "experiment.stop=9", r"chaser\.mass is -"),
+        (("[chaser]", "[chaser]\nbody = 3"), "chaser.motion=free", "chaser has an unknown member"),
+        (
+            ("[chaser]", "[contact]\nfriction_coefficient = 0.3\n[chaser]"),
+            "contact.friction_coefficient=0.2",
+            r"\[contact\] ",
+        ),
+    ],
+)
+def test_a_bad_value_of_a_file_is_blamed_on_the_file(tmp_path, change, override, sentence):
     scene = tmp_path / "alone.toml"
-    scene.write_text(ALONE.replace("mass = ", "mass = -"))
-    with pytest.raises(UsageError, match=r"alone\.toml: chaser\.mass is -"):
-        resolve_scene(scene, ["chaser.motion=free", "experiment.stop=9"])
+    assert change[0] in ALONE
+    scene.write_text(ALONE.replace(*change, 1))
+    with pytest.raises(UsageError, match=rf"alone\.toml: {sentence}"):
+        resolve_scene(scene, [override])
+
+
+def test_a_list_of_a_file_that_lacks_a_number_is_named(tmp_path):
+    scene = tmp_path / "alone.toml"
+    scene.write_text(re.sub("inertia = .*", "inertia = [1, 2]", ALONE))
+    with pytest.raises(UsageError, match=r"chaser\.inertia has no number '5': it is \[1, 2\]"):
+        resolve_scene(scene, ["chaser.inertia.5=3"])
+    with pytest.raises(UsageError, match=r"alone\.toml: chaser\.inertia has 2 entries"):
+        resolve_scene(scene, ["chaser.inertia.1=3"])
+
+
+def test_vehicles_that_cannot_be_placed_are_blamed_on_the_override_too():
+    for override, sentence in (
+        ("chaser.motion=fixed", "scene 'hexapod': conditions at first contact need a chaser"),
+        ("chaser.mass=1e300", "chaser.mass is 1e+300; its absolute value must be at most 1e30"),
+    ):
+        with pytest.raises(UsageError) as error:
+            read_placed(find_scene("hexapod"), ["target.motion=fixed", override])
+        assert str(error.value).startswith(f"--scene {override}: {sentence}")
 
 
 def test_a_bad_mechanism_file_is_refused_with_the_path_of_the_member(tmp_path):
@@ -280,8 +321,11 @@ def test_an_override_sets_one_number_of_a_list():
     stages = {e["name"]: e["laws"][0].get("stages") for e in springs["mechanism"]["forces"]}
     assert [stages[f"side{k}"] for k in range(1, 5)] == 4 * [[[0, 7]]]
     assert stages["probe"] == [[0, 4000]]
-    for key in ("target.position.4", "target.mass.1"):
-        with pytest.raises(UsageError, match=f"a scene has no key '{key}'"):
+    for key, words in (
+        ("target.position.4", "target.position has no number '4': it is"),
+        ("target.mass.1", "a scene has no key 'target.mass.1'"),
+    ):
+        with pytest.raises(UsageError, match=words):
             resolve(f"{key}=1", scene="absorber_1d")
     with pytest.raises(UsageError, match=r"laws\[1\]\.stages\[1\]\[2\] is -4: must be at least 0"):
         resolve("mechanism.set.forces.side1.laws.1.stages.1.2=-4", scene="probe_drogue")

@@ -96,7 +96,7 @@ def run(options: Options) -> None:
             made = folder / f"{name}.fmu"
             fmu = build_fmu(options.scene, options.overrides, made, options.kernel, bare=True)
 
-        _complete_settings(options, fmu)
+        given_by = _complete_settings(options, fmu)
 
         def repeat(other: dict[str, float]) -> "Result":
             settings = [*options.set, *(f"{name}={value!r}" for name, value in other.items())]
@@ -114,6 +114,7 @@ def run(options: Options) -> None:
             ),
             progress=ProgressBar(fmu.stem),
             label=paths.shown(fmu) if is_fmu else f"scene {fmu.stem}",
+            given_by=given_by,
         )
         if not is_fmu:
             result.notes += list_matches(find_scene(options.scene), options.overrides)
@@ -128,14 +129,22 @@ def run(options: Options) -> None:
     write_found(options, summary, report_run)
 
 
-def _complete_settings(options: Options, fmu: Path) -> None:
-    """Put all start values into ``--set``; what is stated last there holds."""
+def _complete_settings(options: Options, fmu: Path) -> dict[str, str]:
+    """Put all start values into ``--set``, where the last one holds; returns what gave the others.
+
+    Raises UsageError: a file of start values is bad.
+    """
     from dockloop.fmu.ssv import read_ssv
 
+    given_by = {}
     if options.ssv:
-        options.set = [*read_ssv(options.ssv, fmu), *options.set]
+        read = read_ssv(options.ssv, fmu)
+        given_by = dict.fromkeys(read, paths.shown(options.ssv))
+        options.set = [*read, *options.set]
     if options.accuracy is not None:
         options.set.append(f"accuracy={options.accuracy}")
+        given_by[options.set[-1]] = f"--accuracy {options.accuracy}"
+    return given_by
 
 
 def _claim(options: Options, file: Path) -> None:

@@ -41,8 +41,7 @@ from dockloop.fmu.terminals import make_terminals
 from dockloop.native.core import check, describe, to_json
 from dockloop.scene.carried import MODEL, is_document, read_model
 from dockloop.scene.find import find_scene
-from dockloop.scene.placement import place_vehicles
-from dockloop.scene.resolve import resolve_scene
+from dockloop.scene.placement import read_placed
 
 _FIRST_ZIP_DATE = 315532800  # 1980-01-01T00:00:00Z, s since 1970
 _LAST_ZIP_DATE = 4354819199  # 2107-12-31T23:59:59Z
@@ -82,11 +81,10 @@ def build_fmu(
             kernel though one is asked for.
     """
     source = find_scene(reference)
-    document = resolve_scene(source, overrides)
+    document = read_placed(source, overrides)
     output = output or paths.RESULTS / "fmu" / f"{document['name']}.fmu"
     claim(output, FMU)
     check_suffix(output, ".fmu")
-    place_vehicles(document, source)
     if finish is None:
         write_fmu(document, source, output, kernel, report, bare=bare)
         return output
@@ -112,9 +110,8 @@ def build_document(reference: str, overrides: list[str] | tuple[str, ...], outpu
         DockloopError: the compiled parts are missing, or the file cannot be written.
     """
     source = find_scene(reference)
-    document = resolve_scene(source, overrides)
+    document = read_placed(source, overrides)
     claim(output, DOCUMENT)
-    place_vehicles(document, source)
     with writing(output, DOCUMENT) as partial:
         partial.write_bytes(to_json(document).encode())
 

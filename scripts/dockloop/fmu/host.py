@@ -10,7 +10,7 @@ import ctypes
 import os
 import time
 import zipfile
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +35,6 @@ from dockloop.result.recording import Result, list_points, warn_of_driven
 from dockloop.result.summary import is_summarised
 from dockloop.scene.carried import read_scene
 from dockloop.scene.resolve import scene_members
-from dockloop.scene.values import as_setting
 
 _WARNING = 1  # fmi2Warning
 _CHOICES = b"logChoices"  # category of what `accuracy` has chosen
@@ -52,6 +51,7 @@ def run_fmu(
     check_size: Callable[[int, int], None] | None = None,
     progress: Callable[[float], None] | None = None,
     label: str | None = None,
+    given_by: Mapping[str, str] | None = None,
 ) -> Result:
     """Run an FMU from its start time to `stop`.
 
@@ -65,6 +65,7 @@ def run_fmu(
         check_size: receives the numbers of points and of chosen columns before the run.
         progress: called now and then with the part of the run that is done, 0 to 1.
         label: what errors call the FMU; default: its path.
+        given_by: of settings that no ``--set`` has given: with what messages about them begin.
 
     Returns:
         Every output (that is wanted) at every communication point, start included.
@@ -77,13 +78,15 @@ def run_fmu(
     with scratch() as folder:
         description, scene = unpack_fmu(path, folder)
         parsed = {text: _parse_settings(text, description) for text in settings}
-        starts = [start for found in parsed.values() for start in found]
+        origins = {text: f"--set {text}" for text in parsed} | dict(given_by or {})
+        starts = {v.name: (v, value) for found in parsed.values() for v, value in found}
+        begins = {v.name: origins[text] for text, found in parsed.items() for v, _ in found}
         times = communication_points(description, stop, step)
         chosen = choose_outputs([v.name for v in _list_outputs(description)], tuple(outputs))
         if check_size:
             check_size(len(times), 1 + len(chosen))
         with Instance(description, str(folder), label or shown(path)) as instance:
-            instance.initialise(starts, times, "--set")
+            instance.initialise([*starts.values()], times, begins)
             loaded = time.perf_counter()
             wanted = chosen | {v.name for v in _list_outputs(description) if is_summarised(v.name)}
             recording = record(instance, scene, times, progress, wanted=wanted)
@@ -174,22 +177,28 @@ class Instance:
     def __exit__(self, *_: object) -> None:
         self.slave.freeInstance()
 
-    def initialise(self, starts: list[tuple], times: np.ndarray, option: str = "") -> None:
+    def initialise(
+        self, starts: list[tuple], times: np.ndarray, begins: Mapping[str, str] | None = None
+    ) -> None:
         """Set start values and initialise at times[0]; refusals are the caller's fault.
 
-        Messages about a value begin with the `option` that gave it, if there was one.
+        `begins` are those of messages about values, by the name of the variable.
         """
-        slave, self.time = self.slave, float(times[0])
+        slave, self.time, begins = self.slave, float(times[0]), begins or {}
+        begin = None
         try:
             # No tolerance from here: the parameter solver.rtol decides.
             slave.setupExperiment(startTime=times[0], stopTime=times[-1])
             for variable, value in starts:
-                begin = f"{option} {as_setting(variable.name, value)}" if option else self._label
+                begin = begins.get(variable.name)
                 getattr(slave, f"set{variable.type}")([variable.valueReference], [value])
-            begin = self._label
+            begin = None
             slave.enterInitializationMode()
             slave.exitInitializationMode()
         except FMICallException as error:
+            if begin is None:  # it begins with the name of a variable or of a vector
+                word = self.sentence(error, "").removeprefix(": ").partition(" ")[0]
+                begin = next((b for n, b in begins.items() if n.partition("[")[0] == word), None)
             raise UsageError(self.sentence(error, begin)) from None
 
     def read_parameters(self) -> dict[str, float]:
@@ -252,7 +261,8 @@ class Instance:
     def sentence(self, error: Exception, begin: str | None = None) -> str:
         """Return why the last call failed, in the words of the FMU after what they are about."""
         text = self._log[-1] if self._log else f"the FMU refused without a message ({error})"
-        return f"{begin or self._label}: {self._without_folder(without_function(text))}"
+        said = self._without_folder(without_function(text))
+        return f"{self._label if begin is None else begin}: {said}"
 
     def _without_folder(self, text: str) -> str:
         """Return a sentence that names files of the FMU as people know them."""

@@ -33,7 +33,7 @@ from dockloop.result.accuracy import estimate_error as find_estimate
 from dockloop.result.recording import Result, find_vector, list_points, warn_of_driven
 from dockloop.runs.assured import ESTIMATED_TOO, assure, check_assurable
 from dockloop.scene.find import find_scene
-from dockloop.scene.placement import find_placement
+from dockloop.scene.placement import read_placed
 from dockloop.scene.resolve import SceneReader, list_matches, scene_members, write_scene
 from dockloop.scene.values import as_setting
 
@@ -85,10 +85,9 @@ class Scene:
         self.reference = str(reference)
         self.path: Path = find_scene(self.reference)
         texts = [as_setting(name, value) for name, value in self.overrides.items()]
-        self.document = (reader or SceneReader(self.path)).resolve(texts)
+        self.warnings: list[str] = []
+        self.document = read_placed(self.path, texts, reader, self.warnings.append)
         self.notes = list_matches(self.path, texts)
-        warning = find_placement(self.document, self.path)
-        self.warnings = [warning] if warning else []
         self.name: str = self.document["name"]
         self.title: str = self.document["title"]
 

@@ -14,8 +14,7 @@ from dockloop.base.files import json_kind, scratch
 from dockloop.native.compiled import find_compiled
 from dockloop.native.core import ask_program, to_json
 from dockloop.scene.find import find_scene
-from dockloop.scene.placement import place_vehicles
-from dockloop.scene.resolve import resolve_scene
+from dockloop.scene.placement import read_placed
 
 FILE = json_kind("truth", "dockloop truth")
 
@@ -53,8 +52,7 @@ def make_solution(
         DockloopError: the program is missing or failed.
     """
     source = find_scene(reference)
-    document = resolve_scene(source, tuple(overrides))
-    place_vehicles(document, source)
+    document = read_placed(source, overrides)
     experiment = document["experiment"]
     duration = experiment["stop"] - experiment["start"] if stop is None else stop
     options = ["--stop", repr(float(duration))]

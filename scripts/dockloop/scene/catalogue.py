@@ -16,7 +16,7 @@ from dockloop.base.errors import UsageError, did_you_mean
 from dockloop.native.core import core_errors, name_source, to_json
 from dockloop.native.variables import Variable, fits, list_names, read_variables
 from dockloop.scene.find import find_mechanism, find_scene, read_mechanism, read_toml
-from dockloop.scene.placement import find_placement
+from dockloop.scene.placement import read_placed
 from dockloop.scene.resolve import (
     LISTS,
     apply_override,
@@ -26,7 +26,6 @@ from dockloop.scene.resolve import (
     find_member,
     has_contact_law,
     list_keys,
-    resolve_scene,
     set_member,
 )
 
@@ -84,11 +83,10 @@ def list_entries(
         UsageError: the scene is bad, or a pattern fits nothing.
     """
     path = find_scene(reference)
-    document = resolve_scene(path, tuple(overrides))
+    document = read_placed(path, overrides, say=lambda _: None)
     scene, _ = read_toml(path)
     for text in overrides:
         apply_override(scene, text)
-    find_placement(document, path)
     with core_errors() as core:
         docking = core.Docking(to_json(document), name_source(path))
     variables = [_describe_variable(v) for v in read_variables(docking).values()]

@@ -1,5 +1,6 @@
 """Where vehicles begin: the core places them, the scene holds the places."""
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ from dockloop.base import paths
 from dockloop.base.errors import warn
 from dockloop.native.core import place
 from dockloop.native.variables import VEHICLES
+from dockloop.scene.resolve import SceneReader
 
 NEVER_TOUCH = (
     "with these conditions the capture surfaces never touch; the mating planes meet at the"
@@ -39,6 +41,31 @@ def _list_unused(initial: dict) -> list[str]:
         "pitch_yaw_rate_deg_s": initial["angular_velocity"][1:],
     }
     return [f"initial.{key}" for key, value in values.items() if np.any(value)]
+
+
+def read_placed(
+    path: Path,
+    overrides: Sequence[str] = (),
+    reader: SceneReader | None = None,
+    say: Callable[[str], None] | None = None,
+) -> dict:
+    """Resolve a scene, and put the start states of both vehicles into the document.
+
+    Args:
+        path: the scene file.
+        overrides: ``KEY=VALUE`` texts, as given to ``--scene``.
+        reader: of this scene, which has read its files.
+        say: receives a warning; default: it is printed.
+
+    Raises:
+        UsageError: naming override or file, member, value and limit.
+    """
+    reader = reader or SceneReader(path)
+    with reader.blaming(overrides):
+        document = reader.resolve([*overrides])
+        if warning := find_placement(document, path):
+            say(warning) if say else warn(f"{paths.shown(path)}: {warning}")
+    return document
 
 
 def place_vehicles(document: dict, source: Path) -> None:

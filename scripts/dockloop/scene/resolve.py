@@ -157,52 +157,62 @@ class SceneReader:
 
         Messages about an override begin with `given_by` and its text.
         """
-        with _blaming(overrides, self._path, given_by):
-            return self._resolve(overrides)
+        with self.blaming(overrides, given_by):
+            scene = without_nulls(self._scene)  # a copy: TOML has no nulls
+            changes: dict[tuple[str | int, ...], Any] = {}
+            for text in overrides:
+                changes |= apply_override(scene, text)
+            if found := self._checker.find_violation(scene, changes):
+                raise UsageError(f"{shown(self._path)}: {found.sentence}")
+            _number_choices(scene)
+            # Without mechanism it is a vehicle by itself, or two that pass through each other.
+            named = scene.get("mechanism")
+            text = json.dumps(
+                named and named | {"sequence": scene.get("sequence", {})}, default=str
+            )
+            mechanism = self._mechanism(text) if named else {"name": "none"}
+            return _resolve(scene, mechanism, self._path)
 
-    def _resolve(self, overrides: list[str] | tuple[str, ...]) -> dict:
-        scene = without_nulls(self._scene)  # a copy: TOML has no nulls
-        changes: dict[tuple[str | int, ...], Any] = {}
-        for text in overrides:
-            changes |= apply_override(scene, text)
-        if found := self._checker.find_violation(scene, changes):
-            raise UsageError(f"{shown(self._path)}: {found.sentence}")
-        _number_choices(scene)
-        # A scene without mechanism is a vehicle by itself (or two that pass through each other).
-        named = scene.get("mechanism")
-        text = json.dumps(named and named | {"sequence": scene.get("sequence", {})}, default=str)
-        return _resolve(scene, self._mechanism(text) if named else {"name": "none"}, self._path)
+    @contextmanager
+    def blaming(self, overrides: Sequence[str], given_by: str = "--scene") -> Iterator[None]:
+        """Let messages about what an override has set begin with the override, not with the file.
 
+        Such a message names the file, then the key: ``chaser.part[1].mass is ...``.
+        """
+        try:
+            yield
+        except UsageError as error:
+            known = (f"{shown(self._path)}: ", f"{given_by} ", "--scene ")
+            begin = next((begin for begin in known if str(error).startswith(begin)), "")
+            sentence = str(error).removeprefix(begin)
+            guilty = next((text for text in overrides if sentence.startswith(f"{text}: ")), None)
+            if guilty is None:
+                words = (word.rstrip(":;,").strip("[]") for word in sentence.split())
+                guilty = self._find_setter([*words], overrides)
+                sentence = f"{guilty}: {sentence}"
+            raise UsageError(str(error) if guilty is None else f"{given_by} {sentence}") from None
 
-@contextmanager
-def _blaming(overrides: Sequence[str], path: Path, given_by: str) -> Iterator[None]:
-    """Let messages about what an override has set begin with the override, not with the file.
+    def _find_setter(self, words: list[str], overrides: Sequence[str]) -> str | None:
+        """Return the override that has set what the words of a message mean; first words first.
 
-    Such a message names the file, then the key: ``chaser.part[1].mass is ...``.
-    """
-    try:
-        yield
-    except UsageError as error:
-        sentence = str(error).removeprefix(f"{shown(path)}: ")
-        given = [text for text in reversed(overrides) if sentence.startswith(f"--scene {text}: ")]
-        if given:
-            raise UsageError(sentence.replace("--scene", given_by, 1)) from None
-        for word in sentence.split():  # the first ones say what is wrong, later ones why
-            for text in reversed(overrides):
-                if _is_about(word.rstrip(":"), text.partition("=")[0].strip()):
-                    raise UsageError(f"{given_by} {text}: {sentence}") from None
-        raise
-
-
-def _is_about(word: str, key: str) -> bool:
-    """Return whether a word of a message means what a key sets: a section, a part of its value."""
-    parts, named = key.split("."), word.replace("[", ".").replace("]", "").split(".")
-    rest = parts[len(named) :]  # numbers of a list that is wrong as a whole
-    both = zip(parts, named, strict=False)
-    return word == f"[{parts[0]}]" or (
-        all(a == b or ("*" in a and fits(b, a)) for a, b in both)
-        and all(part.isdecimal() for part in rest)
-    )
+        It has set all of it, or is the only reason for a section that the file lacks.
+        """
+        setters: list[tuple[str, list[str]]] = []
+        for text in reversed(overrides):  # the last one holds
+            with suppress(UsageError):
+                key = text.partition("=")[0].strip()
+                keys = _expand_key(without_nulls(self._scene), key, text)
+                setters += [(text, split_key(each)) for each in keys]
+        for word in words:
+            named = split_key(word.replace("[", ".").replace("]", ""))
+            is_new = find_member(self._scene, named) is None
+            for text, parts in setters:
+                both = zip(parts, named, strict=False)
+                if all(a == b or ("*" in a and fits(b, a)) for a, b in both) and (
+                    len(parts) <= len(named) or is_new
+                ):
+                    return text
+        return None
 
 
 def _number_choices(scene: dict) -> None:
@@ -229,8 +239,8 @@ def _resolve(scene: dict, mechanism: dict, path: Path) -> dict:
         raise UsageError(
             f"{shown(path)}: [contact] overrides the law of surfaces or of a guide ring,"
             + (
-                f" but the mechanism '{named['name']}' has none; mechanism.set.contact.MEMBER"
-                " changes what its file states"
+                f" but mechanism.name is '{named['name']}', which has none; its file states what"
+                " mechanism.set.contact.MEMBER changes"
                 if named
                 else " but there is none"
             )
@@ -373,6 +383,10 @@ def _set_key(scene: dict, key: str, value: Any, text: str) -> tuple[str | int, .
         if numbers := _find_numbers(group, last, known[whole], component):
             numbers[int(component) - 1] = value
             return (*sections, last, int(component) - 1)
+        if isinstance(group[last], list):
+            raise UsageError(
+                f"--scene {text}: {whole} has no number '{component}': it is {group[last]}"
+            )
     if key not in known and not key.startswith(OPEN_KEYS):
         hint = did_you_mean(key, known)
         if any(name.startswith(f"{key}.") for name in known):
@@ -408,6 +422,8 @@ def _set_entry(scene: dict, prefix: str, key: str, value: Any, text: str) -> tup
         )
     member, _, component = path.partition(".")
     members = entry_members(prefix)
+    if not member:
+        raise UsageError(f"--scene {text}: is a {what}: write {prefix}{number}.MEMBER")
     if member not in members:
         hint = did_you_mean(member, list(members))
         raise UsageError(f"--scene {text}: a {what} has no member '{member}'{hint}")
@@ -431,9 +447,12 @@ def _set_entry(scene: dict, prefix: str, key: str, value: Any, text: str) -> tup
 
 
 def find_member(node: Any, parts: Iterable[str]) -> Any:
-    """Return the member of nested groups, None if there is none."""
+    """Return the member of nested groups, None if there is none; entries have numbers from 1."""
     for part in parts:
-        node = node.get(part) if isinstance(node, dict) else None
+        if isinstance(node, list):
+            node = dict(enumerate(node, 1)).get(int(part)) if part.isdecimal() else None
+        else:
+            node = node.get(part) if isinstance(node, dict) else None
     return node
 
 

@@ -78,12 +78,13 @@ class Planner:
         self._matches: dict[str, list[str]] = {}
         fixed = sweep.document["set"]
         self._reader = SceneReader(sweep.scene)
-        self.unplaced = self._reader.resolve(
-            [as_setting(n, v) for n, v in fixed.items() for n in self._reader.list_keys_like(n)],
-            f"{shown(sweep.path)}: set",
-        )
-        self.base = copy.deepcopy(self.unplaced)
-        find_placement(self.base, sweep.scene)
+        like = self._reader.list_keys_like
+        texts = [as_setting(name, value) for n, value in fixed.items() for name in like(n)]
+        given_by = f"{shown(sweep.path)}: set" if sweep.path.suffix else "--scene"
+        with self._reader.blaming(texts, given_by):
+            self.unplaced = self._reader.resolve(texts, given_by)
+            self.base = copy.deepcopy(self.unplaced)
+            find_placement(self.base, sweep.scene)
         with core_errors() as core:
             docking = core.Docking(to_json(self.base), name_source(sweep.scene))
         self.variables = read_variables(docking)
