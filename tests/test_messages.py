@@ -649,3 +649,33 @@ def test_without_matplotlib_only_figures_are_missing(dockloop, tmp_path, monkeyp
     assert not list(tmp_path.rglob("*.png"))
     if "trade" in order:
         assert ".png" not in (tmp_path / "own" / "trade.md").read_text()
+
+
+@pytest.mark.parametrize(
+    ("order", "sentence"),
+    [
+        (
+            "linearise hexapod --at capture --scene chaser.mass=-1",
+            "--scene chaser.mass=-1: chaser.mass is -1",
+        ),
+        (
+            "linearise hexapod --at capture --set chaser.mass=-1",
+            "--set: 'chaser.mass' = -1 is below its min",
+        ),
+        ("review absorber_1d --scene chaser.mass=-1", "--scene chaser.mass=-1: chaser.mass is -1"),
+        ("run absorber_1d --accuracy 7", "--accuracy 7: 'accuracy' = 7 is above its maximum 1"),
+        (
+            "run hexapod --set chaser.inertia[4]=1e6",
+            "--set chaser.inertia[4]=1e6: chaser.inertia (xx yy zz xy xz yz) is ",
+        ),
+    ],
+)
+def test_messages_begin_with_the_option_as_it_was_typed(dockloop, order, sentence):
+    outcome = dockloop(*order.split())
+    assert outcome.status == 2, outcome
+    assert outcome.err.startswith(f"dockloop: {sentence}"), outcome
+
+
+def test_a_start_value_that_a_later_one_replaces_is_not_looked_at(dockloop):
+    settings = ("--set", "chaser.mass=-4", "--set", "chaser.mass=2e3")
+    assert dockloop("run", "absorber_1d", *settings, "--stop", "0.1", "--no-plots").status == 0

@@ -13,7 +13,7 @@ from argparse import SUPPRESS
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
-from dockloop.base.errors import DockloopError, UsageError, explain
+from dockloop.base.errors import DockloopError, UsageError, explain, name_options
 from dockloop.base.version import __version__
 from dockloop.commands import COMMANDS, load_command
 from dockloop.commands.arguments import Command
@@ -41,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             options.run(options)
         write("", end="")
     except DockloopError as error:
-        write_failure(str(error))
+        write_failure(name_options(str(error)))
         return error.exit_status
     except ReaderGoneError:
         return 0

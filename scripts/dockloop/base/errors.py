@@ -153,6 +153,13 @@ def with_options(function: Callable[P, R]) -> Callable[P, R]:
     return inspect.unwrap(function)
 
 
+def name_options(text: str) -> str:
+    """Return a message that begins with what Python calls an option, for users of the option."""
+    named = {"overrides": "--scene", "start_values": "--set", "Docking.set:": "--set:"}
+    first, _, rest = text.partition(" ")
+    return f"{named.get(first, first)} {rest}" if rest else text
+
+
 def find_reason(error: OSError) -> str:
     """Return why the system refused something, without the name of the file."""
     return "no space is left on the disk" if error.errno in FULL else error.strerror or str(error)
