@@ -275,7 +275,9 @@ fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean tolerance_defined, f
                                fmi2Real start_time, fmi2Boolean stop_time_defined,
                                fmi2Real stop_time) {
   return guarded(c, call::kSetupExperiment, [&](Instance& self) {
-    if (!std::isfinite(start_time)) throw Refusal("fmi2SetupExperiment: startTime is not finite");
+    if (!(std::abs(start_time) <= kLargestValue)) {
+      throw Refusal("fmi2SetupExperiment: startTime is not finite or beyond 1e30 s");
+    }
     if (stop_time_defined && !std::isfinite(stop_time)) {
       throw Refusal("fmi2SetupExperiment: stopTime is not finite");
     }
@@ -288,7 +290,7 @@ fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean tolerance_defined, f
                     ", but must lie between 0 and 1");
     }
     self.setup(start_time, tolerance_defined ? tolerance : 0.0,
-               stop_time_defined ? stop_time : Instance::kNoStop);
+               stop_time_defined && stop_time <= kLargestValue ? stop_time : Instance::kNoStop);
     return fmi2OK;
   });
 }
@@ -627,7 +629,9 @@ fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean /*no_rollbac
 }
 fmi2Status fmi2SetTime(fmi2Component c, fmi2Real time) {
   return guarded(c, call::kSetTime, [&](Instance& self) {
-    if (!std::isfinite(time)) throw Refusal("fmi2SetTime: the time is not a finite number");
+    if (!(std::abs(time) <= kLargestValue)) {
+      throw Refusal("fmi2SetTime: the time is not a finite number or beyond 1e30");
+    }
     self.sim.set_time(time);
     self.time = time;
     return fmi2OK;

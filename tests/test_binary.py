@@ -169,16 +169,16 @@ def assert_same_end(values, others):
     """Assert that two runs end alike, but for counts of the solver and what is only rounding.
 
     Another libm changes last digits, these move the steps of the solver, and what is left is of the
-    size of its error. Differences measured, relative to the value and at least to one unit: 0 for
-    linux64; 6e-6 for win64 and 2e-5 for aarch64-linux, but 6e-4 and 4e-5 for peaks, which are taken
-    at the steps.
+    size of its error. So does another compiler. Differences measured, relative to the value and at
+    least to one unit: 1e-4 for linux64 and win64, 2e-5 for aarch64-linux, but 1.4e-3, 8e-4 and 4e-5
+    for peaks and their times, which are those of steps.
     """
     for peaks, limit in ((False, 2e-4), (True, 6e-3)):
         difference, name = max(
             (abs(value - others[name]) / max(1.0, abs(value)), name)
             for name, value in values.items()
             if not (name.startswith("solver.") or name.endswith(".residual"))
-            and (".peak." in name) == peaks
+            and (".peak" in name) == peaks
         )
         assert difference < limit, f"{name}: {difference:.2g}"
 

@@ -422,6 +422,24 @@ def test_states_and_times_that_are_not_finite_are_refused_and_nothing_changes(ru
         assert np.array_equal(host.rates(), rates)
 
 
+def test_a_quaternion_that_is_nearly_zero_is_refused_and_one_that_drifted_is_taken(runs):
+    host, _ = started(runs.fmu(DEFAULT, NEAR))
+    with host:
+        x, rates = host.states(), host.rates()
+        count = ctypes.c_size_t(len(x))
+        norms = [np.linalg.norm(x[at : at + 4]) for at in range(len(x) - 3)]
+        at = int(np.argmin(np.abs(np.array(norms) - 1.0)))
+        for factor, status in ((0.0, ERROR), (1e-9, ERROR), (0.9, OK), (1.0, OK)):
+            scaled = (ctypes.c_double * len(x))(*x)
+            scaled[at : at + 4] = [factor * q for q in x[at : at + 4]]
+            assert host.status("fmi2SetContinuousStates", scaled, count) == status, factor
+            if status == ERROR:
+                assert "is nearly zero: its norm must be near 1" in host.last_line
+                assert np.array_equal(host.states(), x)
+            assert np.isfinite(host.rates()).all()
+        assert np.array_equal(host.rates(), rates)
+
+
 def test_a_state_that_cannot_be_evaluated_is_discarded_and_a_good_one_goes_on(runs):
     host, info = started(runs.fmu(DEFAULT, NEAR))
     with host:

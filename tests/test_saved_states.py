@@ -24,6 +24,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import dockloop as dl
 from extreme_cases import mechanism_benchmarks
 from extreme_cases.fmi_host import DISCARD, ERROR, OK, STEP, Host, go_on_elsewhere
 from extreme_cases.own_mechanism import FIXED_BASE, write_scene
@@ -512,3 +513,24 @@ def test_reading_variables_changes_none_of_them(near):
     assert near.everything() == first
     near.put("chaser.force_ext", (0.0, 0.0, 0.0))  # the values that they have
     assert near.everything() == first
+
+
+@pytest.mark.parametrize("length", [1e-10, 1e-16])
+@pytest.mark.parametrize("motion", ["free", "driven"])
+def test_a_step_without_length_keeps_mean_loads_and_can_be_saved(length, motion):
+    """The rounding of momenta, divided by its length, is no load."""
+    docking = dl.Docking(DEFAULT, {"initial.approach_time": 0.1, "target.motion": motion})
+    for _ in range(20):
+        docking.step(0.01)
+    before = docking.get("target.force_mean")
+    assert np.abs(before).max() > 1.0
+    docking.step(length)
+    after = docking.get("target.force_mean")
+    assert np.abs(after).max() <= np.abs(before).max()
+    saved = docking.save()
+    docking.step(0.01)
+    next_load = docking.get("target.force_mean")
+    assert np.abs(next_load).max() < 10.0 * np.abs(before).max()
+    docking.restore(saved)
+    docking.step(0.01)
+    assert (docking.get("target.force_mean") == next_load).all()

@@ -260,23 +260,31 @@ void DockingSim::Impl::build_for(const SavedSim& from) {
   warnings.clear();  // already issued when the state was made
 }
 
-/// Check a state restored from bytes: unit quaternions, and finite results of an evaluation.
-/// @throws ModelError
-void DockingSim::Impl::check_restored() {
-  const double* y = step_loop->accepted_y();
-  const auto check_attitude = [&](int at, const std::string& name) {
-    if (is_attitude({y[at], y[at + 1], y[at + 2], y[at + 3]})) return;
-    throw ModelError("the saved state is damaged: the attitude of " + name +
-                     " is not a unit quaternion");
-  };
+/// Whose attitude in y is not as it should be; empty: all are.
+std::string DockingSim::Impl::find_other_attitude(const double* y,
+                                                  bool (*is_right)(const Vec4<double>&)) const {
+  const auto fits = [&](int at) { return is_right({y[at], y[at + 1], y[at + 2], y[at + 3]}); };
   for (int i : {kChaser, kTarget}) {
-    if (model->layout.pose[i] >= 0) check_attitude(model->layout.pose[i] + 3, get_vehicle_name(i));
+    const int pose = model->layout.pose[i];
+    if (pose >= 0 && !fits(pose + 3)) return get_vehicle_name(i);
   }
   int q = model->layout.mechanism_q;
   for (int i : model->mechanism_bodies) {
     const Body& body = model->mechanism.model.bodies[i];
-    if (body.joint == JointType::kFree) check_attitude(q + 3, "body '" + body.name + "'");
+    if (body.joint == JointType::kFree && !fits(q + 3)) return "body '" + body.name + "'";
     q += body.nq();
+  }
+  return {};
+}
+
+/// Check a state restored from bytes: unit quaternions, and finite results of an evaluation.
+/// @throws ModelError
+void DockingSim::Impl::check_restored() {
+  const auto is_right = fmi_kind == FmiKind::kModelExchange ? has_direction : is_attitude;
+  if (const std::string name = find_other_attitude(step_loop->accepted_y(), is_right);
+      !name.empty()) {
+    throw ModelError("the saved state is damaged: the attitude of " + name +
+                     " is not a unit quaternion");
   }
   Status status = update_states();
   if (status.ok()) status = update_main();

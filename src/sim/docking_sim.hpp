@@ -156,6 +156,7 @@ class DockingSim {
   int state_count() const;      ///< fixed at construction
   int indicator_count() const;  ///< fixed at construction
   void set_time(double t);
+  /// @throws ModelError if a quaternion of an attitude is nearly zero; then nothing has changed
   void set_states(const double* y);
   void get_states(double* y) const;
   void get_nominals(double* nominal) const;

@@ -54,12 +54,16 @@ inline Wrench<double> find_delivered_impulse(const Wrench<double>& load, const V
   return impulse;
 }
 
-/// The constant load with a given impulse.
+/// A shorter step has no mean load: the rounding of momenta, divided by it, would be larger [s].
+constexpr double kShortestMean = 1e-9;
+
+/// The constant load with a given impulse; none in a step that is too short to have one.
 /// @param impulse  linear, and angular about O, on the vehicle over the step
 /// @return force in axes of O, torque about the CoM in body axes
 inline Wrench<double> find_mean_load(const Wrench<double>& impulse, const VehicleState& a,
                                      const VehicleState& b, double h) {
   Wrench<double> mean;
+  if (h < kShortestMean) return mean;
   mean.f = impulse.f / h;
   const Vec3<double> rest = impulse.t / h - find_mean_position(a, b, h).cross(mean.f);
   mean.t = find_mean_attitude(a, b, h).inverse() * rest;

@@ -28,6 +28,10 @@ void DockingSim::set_time(double t) {
 }
 
 void DockingSim::set_states(const double* y) {
+  if (const std::string name = impl_->find_other_attitude(y, has_direction); !name.empty()) {
+    throw ModelError("the quaternion of the attitude of " + name +
+                     " is nearly zero: its norm must be near 1");
+  }
   std::copy(y, y + impl_->state_count, impl_->step_loop->y());
   impl_->invalidate();
 }

@@ -184,6 +184,7 @@ struct DockingSim::Impl : SimState {
   void load(const SavedSim& from);
   void build_for(const SavedSim& from);
   void check_restored();
+  std::string find_other_attitude(const double* y, bool (*is_right)(const Vec4<double>&)) const;
   void take(const SavedSim& from);
   bool are_tunables_new() const;
   void adopt_tunables();

@@ -260,10 +260,11 @@ Status DockingSim::Impl::finish_step(double h, bool was_pending) {
   return {};
 }
 
-/// Mean loads over the step just made, on vehicles that are not driven. @param known  mean loads
-/// from outside
+/// Mean loads over the step just made, on vehicles that are not driven. Those of the step before
+/// stay where this one is too short. @param known  mean loads from outside
 void DockingSim::Impl::update_mean_loads(double h, const CouplingPoint& begin,
                                          const CouplingPoint& end, const Loads& known) {
+  if (h < kShortestMean) return;
   for (int i : {kChaser, kTarget}) {
     if (!model->present[i] || !model->moves[i] || model->driven[i]) continue;
     const VehicleState &before = begin.vehicle[i], &after = end.vehicle[i];

@@ -111,6 +111,8 @@ struct Inputs {
 
 /// Is this a unit quaternion, within errors of rounding and integration?
 inline bool is_attitude(const Vec4<double>& q) { return std::abs(q.norm() - 1.0) < 1e-3; }
+/// In a host that integrates the states, the norm may drift; the equations allow for it.
+inline bool has_direction(const Vec4<double>& q) { return q.norm() > 1e-3; }
 
 /// Some hosts start with zeros in every input, before the first exchange. Zeros are not a possible
 /// motion, because they are not an attitude.
