@@ -13,7 +13,7 @@ from argparse import SUPPRESS
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
-from dockloop.base.errors import DockloopError, UsageError, explain, name_options
+from dockloop.base.errors import DockloopError, UsageError, explain, naming_options
 from dockloop.base.version import __version__
 from dockloop.commands import COMMANDS, load_command
 from dockloop.commands.arguments import Command
@@ -37,11 +37,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if hasattr(sys.stdout, "reconfigure"):  # names of files may hold what a terminal cannot show
         sys.stdout.reconfigure(errors="backslashreplace")
     try:
-        with _ended_by_signals(), _alone():
+        with _ended_by_signals(), _alone(), naming_options():
             options.run(options)
         write("", end="")
     except DockloopError as error:
-        write_failure(name_options(str(error)))
+        write_failure(str(error))
         return error.exit_status
     except ReaderGoneError:
         return 0

@@ -10,7 +10,9 @@ import re
 import reprlib
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from types import UnionType
 from typing import Any, ParamSpec, TypeVar, Union, get_args, get_origin
@@ -57,6 +59,7 @@ _TEXTS = (
     lambda value: _is_list(value) and all(isinstance(v, str) for v in value),
     "a list of texts",
 )
+_names_options = ContextVar("_names_options", default=False)  # else: arguments of functions
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -125,7 +128,7 @@ def _check_kind(name: str, annotation: Any, value: Any) -> None:
 def names_arguments(function: Callable[P, R]) -> Callable[P, R]:
     """Let a Python function check the kinds of its arguments, and name these in its messages.
 
-    Messages of commands name options: ``--stop``, not ``stop``.
+    In commands they name options: ``--stop``, not ``stop`` (`naming_options`).
     """
     signature = inspect.signature(function)
     known = signature.parameters
@@ -141,6 +144,8 @@ def names_arguments(function: Callable[P, R]) -> Callable[P, R]:
         try:
             return function(*args, **kwargs)
         except DockloopError as error:
+            if _names_options.get():
+                raise
             raise type(error)(_OPTION.sub(rename, str(error))) from None
         except OSError as error:
             raise explain(error) from error
@@ -148,16 +153,16 @@ def names_arguments(function: Callable[P, R]) -> Callable[P, R]:
     return call
 
 
-def with_options(function: Callable[P, R]) -> Callable[P, R]:
-    """Return what `names_arguments` was given, for a command: messages name options."""
-    return inspect.unwrap(function)
-
-
-def name_options(text: str) -> str:
-    """Return a message that begins with what Python calls an option, for users of the option."""
-    named = {"overrides": "--scene", "start_values": "--set", "Docking.set:": "--set:"}
-    first, _, rest = text.partition(" ")
-    return f"{named.get(first, first)} {rest}" if rest else text
+@contextmanager
+def naming_options() -> Iterator[None]:
+    """Let messages name options whatever function of Python a command calls."""
+    before = _names_options.set(True)
+    try:
+        yield
+    except DockloopError as error:
+        raise type(error)(re.sub(r"^Docking\.set:", "--set:", str(error))) from None
+    finally:
+        _names_options.reset(before)
 
 
 def find_reason(error: OSError) -> str:

@@ -1,6 +1,6 @@
 """``dockloop host-check``: whether a host that integrates a vehicle is right."""
 
-from dockloop.base.errors import DockloopError, with_options
+from dockloop.base.errors import DockloopError
 from dockloop.commands.arguments import Command, Options, file_path
 from dockloop.commands.console import write_found
 
@@ -29,7 +29,7 @@ def run(options: Options) -> None:
     from dockloop.runs.host_judging import host_check, report_host
     from dockloop.sweeps.settings import parse_settings
 
-    found = with_options(host_check)(
+    found = host_check(
         options.source,
         options.scene,
         parse_settings("--scene", options.overrides),

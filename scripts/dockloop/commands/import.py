@@ -1,6 +1,5 @@
 """``dockloop import``: a mechanism from MJCF, URDF or SDF."""
 
-from dockloop.base.errors import with_options
 from dockloop.commands.arguments import Command, Options, filled, finite
 from dockloop.commands.console import write
 
@@ -27,5 +26,5 @@ def run(options: Options) -> None:
     from dockloop.exchange.importing import describe, import_mechanism
 
     chosen = {key: getattr(options, key) for key in ("base", "ring", "cut", "assemble", "forward")}
-    imported = with_options(import_mechanism)(options.file, options.output, **chosen)
+    imported = import_mechanism(options.file, options.output, **chosen)
     write(describe(imported))

@@ -196,10 +196,12 @@ class Instance:
             slave.enterInitializationMode()
             slave.exitInitializationMode()
         except FMICallException as error:
-            if begin is None:  # it begins with the name of a variable or of a vector
-                word = self.sentence(error, "").removeprefix(": ").partition(" ")[0]
-                begin = next((b for n, b in begins.items() if n.partition("[")[0] == word), None)
-            raise UsageError(self.sentence(error, begin)) from None
+            said = self._say(error)
+            if begin is None:  # what is said begins with the name of a variable or of a vector
+                word = said.partition(" ")[0]
+                known = (b for name, b in begins.items() if name.partition("[")[0] == word)
+                begin = next(known, self._label)
+            raise UsageError(f"{begin}: {said}") from None
 
     def read_parameters(self) -> dict[str, float]:
         """Read every parameter that is a number."""
@@ -258,11 +260,13 @@ class Instance:
         elif status > _WARNING:
             self._log.append(message)
 
-    def sentence(self, error: Exception, begin: str | None = None) -> str:
-        """Return why the last call failed, in the words of the FMU after what they are about."""
+    def sentence(self, error: Exception) -> str:
+        """Return why the last call failed, in the words of the FMU after its name."""
+        return f"{self._label}: {self._say(error)}"
+
+    def _say(self, error: Exception) -> str:
         text = self._log[-1] if self._log else f"the FMU refused without a message ({error})"
-        said = self._without_folder(without_function(text))
-        return f"{self._label if begin is None else begin}: {said}"
+        return self._without_folder(without_function(text))
 
     def _without_folder(self, text: str) -> str:
         """Return a sentence that names files of the FMU as people know them."""

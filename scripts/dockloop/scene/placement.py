@@ -61,22 +61,22 @@ def read_placed(
         UsageError: naming override or file, member, value and limit.
     """
     reader = reader or SceneReader(path)
+    document = reader.resolve([*overrides])
     with reader.blaming(overrides):
-        document = reader.resolve([*overrides])
-        if warning := find_placement(document, path):
-            say(warning) if say else warn(f"{paths.shown(path)}: {warning}")
+        place_vehicles(document, path, say)
     return document
 
 
-def place_vehicles(document: dict, source: Path) -> None:
+def place_vehicles(document: dict, source: Path, say: Callable[[str], None] | None = None) -> None:
     """Put the start states of both vehicles into a document that states them at first contact.
 
     Args:
         document: a resolved scene, changed in place.
         source: the scene file, for messages.
+        say: receives a warning; default: it is printed.
     """
     if warning := find_placement(document, source):
-        warn(f"{paths.shown(source)}: {warning}")
+        say(warning) if say else warn(f"{paths.shown(source)}: {warning}")
 
 
 def find_placement(document: dict, source: Path) -> str:

@@ -182,15 +182,15 @@ class SceneReader:
         try:
             yield
         except UsageError as error:
-            known = (f"{shown(self._path)}: ", f"{given_by} ", "--scene ")
-            begin = next((begin for begin in known if str(error).startswith(begin)), "")
-            sentence = str(error).removeprefix(begin)
-            guilty = next((text for text in overrides if sentence.startswith(f"{text}: ")), None)
+            said = str(error)
+            if any(said.startswith(f"--scene {text}: ") for text in overrides):
+                raise UsageError(said.replace("--scene", given_by, 1)) from None
+            sentence = said.removeprefix(f"{shown(self._path)}: ")
+            words = [word.rstrip(":;,").strip("[]") for word in sentence.split()]
+            guilty = self._find_setter(words, overrides)
             if guilty is None:
-                words = (word.rstrip(":;,").strip("[]") for word in sentence.split())
-                guilty = self._find_setter([*words], overrides)
-                sentence = f"{guilty}: {sentence}"
-            raise UsageError(str(error) if guilty is None else f"{given_by} {sentence}") from None
+                raise
+            raise UsageError(f"{given_by} {guilty}: {sentence}") from None
 
     def _find_setter(self, words: list[str], overrides: Sequence[str]) -> str | None:
         """Return the override that has set what the words of a message mean; first words first.

@@ -81,9 +81,9 @@ class Planner:
         like = self._reader.list_keys_like
         texts = [as_setting(name, value) for n, value in fixed.items() for name in like(n)]
         given_by = f"{shown(sweep.path)}: set" if sweep.path.suffix else "--scene"
+        self.unplaced = self._reader.resolve(texts, given_by)
+        self.base = copy.deepcopy(self.unplaced)
         with self._reader.blaming(texts, given_by):
-            self.unplaced = self._reader.resolve(texts, given_by)
-            self.base = copy.deepcopy(self.unplaced)
             find_placement(self.base, sweep.scene)
         with core_errors() as core:
             docking = core.Docking(to_json(self.base), name_source(sweep.scene))
