@@ -49,7 +49,7 @@ POINTS = {"met": BLUE, "not met": VERMILION}
 SHARES = "cividis"  # of draws: a map of colours made for all kinds of colour vision
 
 # Of drawings and of the space of the view: fills are pale, and have an outline or a label.
-CHASER, TARGET, ACTIVE_FILL, PASSIVE_FILL = "#dbe7f5", "#f3e7d3", "#f7dedb", "#f1e6c8"
+CHASER, TARGET, ACTIVE_FILL = "#dbe7f5", "#f3e7d3", "#f7dedb"
 CHASER_EDGE, TARGET_EDGE, BOX = "#42607f", "#80683c", "#eef3f8"
 RING, PASSIVE, LEG, LATCH = VERMILION, BROWN, BLUE, YELLOW
 AXES = {"x": "#aa1e14", "y": "#3fbf74", "z": "#2f5fc4"}
