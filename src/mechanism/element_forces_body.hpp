@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <type_traits>
 
 #include "math/ramp.hpp"
 #include "math/scalar.hpp"
@@ -76,30 +77,29 @@ void scale_terms(const FailureEffect<S>& effect, LawTerms<S>& terms) {
 /// A law as a sequence has switched it; a motor or drive with the numbers of the file may start
 /// late. @param[in, out] effect  of failures; an eddy brake that is not engaged is as one that has
 /// failed
-template <class S>
-LawTerms<S> calc_switched_law(const ForceLaw& law, const LawSetting* setting, LawInput<S>& in,
+template <class Law, class S>
+LawTerms<S> calc_switched_law(const Law& law, const LawSetting* setting, LawInput<S>& in,
                               FailureEffect<S>& effect) {
-  const DriveLaw* drive = nullptr;
-  if (setting) {
-    in.engagement = S(setting->engagement);
-    if (std::holds_alternative<EddyLaw>(law) && setting->engagement != 1.0) {
+  if constexpr (std::is_same_v<Law, EddyLaw>) {
+    if (setting && setting->engagement != 1.0) {
       effect.factor = effect.factor * in.engagement;
       effect.fades = true;
     }
-    if (setting->drive != LawSetting::Drive::kAsStated) drive = std::get_if<DriveLaw>(&law);
   }
-  if (!drive) {
-    if (effect.delay != 0.0) in.time = in.time - S(effect.delay);
-    return std::visit([&](const auto& each) { return calc_law(each, in); }, law);
+  if constexpr (std::is_same_v<Law, DriveLaw>) {
+    if (setting && setting->drive == LawSetting::Drive::kOff) return {};
+    if (setting && setting->drive == LawSetting::Drive::kRuns) {
+      DriveLaw running = law;
+      running.target = setting->target;
+      running.speed = setting->is_held ? 0.0 : setting->speed;
+      running.acceleration = setting->acceleration;
+      running.deceleration = setting->deceleration;
+      in.time = in.time - S(setting->since);
+      return calc_law(running, in);
+    }
   }
-  if (setting->drive == LawSetting::Drive::kOff) return {};
-  DriveLaw running = *drive;
-  running.target = setting->target;
-  running.speed = setting->is_held ? 0.0 : setting->speed;
-  running.acceleration = setting->acceleration;
-  running.deceleration = setting->deceleration;
-  in.time = in.time - S(setting->since);
-  return calc_law(running, in);
+  if (effect.delay != 0.0) in.time = in.time - S(effect.delay);
+  return calc_law(law, in);
 }
 
 /// Elastic locks of jammed elements: their bristles come after those of the brakes.
@@ -130,11 +130,11 @@ S calc_lock(const ElementLock& lock, const S& coordinate, const S& rate, Element
 }
 
 /// Book the powers of a law: brakes and drives have lines of their own.
-template <class S>
-void add_terms(const ForceLaw& law, const LawTerms<S>& terms, ElementSums<S>& sums) {
-  const bool brakes = std::holds_alternative<BrakeLaw>(law) || std::holds_alternative<EddyLaw>(law);
+template <class Law, class S>
+void add_terms(const LawTerms<S>& terms, ElementSums<S>& sums) {
+  constexpr bool kBrakes = std::is_same_v<Law, BrakeLaw> || std::is_same_v<Law, EddyLaw>;
   sums.energy += terms.energy;
-  (brakes ? sums.braking : sums.dissipation) += terms.dissipation;
+  (kBrakes ? sums.braking : sums.dissipation) += terms.dissipation;
   sums.drive_power += terms.work;
 }
 
@@ -158,19 +158,19 @@ Status calc_element_forces(const MechanismModel& model, const VecX<S>& q, const 
     in.s = find_coordinate<S>(model, element, q);
     in.v = find_rate<S>(model, element, v);
     S force(0), saturation(0);
-    const auto add = [&](size_t k, bool is_brake) {
-      const ForceLaw& law = element.laws[k];
+    const auto add = [&](const auto& law, size_t k) {
+      using Law = std::decay_t<decltype(law)>;
       FailureEffect<S> failure;
       if (has_failures) failure = find_failure(model, e, k, time, switches.entered);
-      in.time = time;
-      in.engagement = S(1);
-      in.health = failure.factor;
       const LawSetting* setting = switches.setting ? switches.setting + first_law + k : nullptr;
+      in.time = time;
+      in.engagement = S(setting ? setting->engagement : 1.0);
+      in.health = failure.factor;
       LawTerms<S> terms = calc_switched_law(law, setting, in, failure);
-      if (failure.fades && !is_brake) scale_terms(failure, terms);
+      if (failure.fades && !std::is_same_v<Law, BrakeLaw>) scale_terms(failure, terms);
       force += terms.force;
       saturation = std::max<S>(saturation, terms.saturation);
-      add_terms(law, terms, data.sums);
+      add_terms<Law>(terms, data.sums);
       if (terms.outside != StatusCode::kOk) {
         const bool is_rate = terms.outside == StatusCode::kRateOutsideTable;
         found = {terms.outside, i, to_double(is_rate ? in.v : in.s), 0.0};
@@ -178,18 +178,25 @@ Status calc_element_forces(const MechanismModel& model, const VecX<S>& q, const 
       return terms.z_rate;
     };
     // The level of a brake may depend on the load of the other laws: brakes come last.
-    const auto is_brake = [&](size_t k) {
-      return std::holds_alternative<BrakeLaw>(element.laws[k]);
-    };
+    size_t brakes = 0;
     for (size_t k = 0; k < element.laws.size(); ++k) {
-      if (!is_brake(k)) add(k, false);
+      const auto add_others = [&](const auto& law) {
+        if constexpr (std::is_same_v<std::decay_t<decltype(law)>, BrakeLaw>) {
+          ++brakes;
+        } else {
+          add(law, k);
+        }
+      };
+      std::visit(add_others, element.laws[k]);
     }
     in.load = force < S(0) ? S(-force) : force;
-    for (size_t k = 0; k < element.laws.size(); ++k) {
-      if (!is_brake(k)) continue;
-      const bool sticks = has_bristle(element.laws[k]);
+    for (size_t k = 0; brakes > 0; ++k) {
+      const BrakeLaw* brake = std::get_if<BrakeLaw>(&element.laws[k]);
+      if (!brake) continue;
+      --brakes;
+      const bool sticks = brake->has_bristle();
       in.z = sticks && z ? z[bristle] : S(0);
-      const S z_rate = add(k, true);
+      const S z_rate = add(*brake, k);
       if (sticks) data.z_rate[bristle++] = z_rate;
     }
     if (switches.lock && switches.lock[e].is_closed()) {
