@@ -236,33 +236,34 @@ inline NodesFound add_nodes(const ContactModel& model, const NodeSet& set,
       return NodesFound::kTooDeep;
     }
   }
-  double least = kNoGap;
+  double least = kNoGap, deepest = 0.0;
+  int active = 0;
   for (size_t g = 0; g < set.groups.size(); ++g) {
     if (!work.may_touch[g]) continue;
     const nodes::NodeGaps& gaps = work.node_gaps[g];
     const char* before = find_before(g);
     const int first = set.first + static_cast<int>(g) * kGroup, count = find_count(g);
+    char* const closed = work.closed.data() + first;
+    Vec3<double>* const ways = work.way.data() + first;
     for (int i = 0; i < count; ++i) {
       const double gap = gaps.gap[i];
       const bool was_closed = before && before[i];
       least = std::min(least, gap);
       if (!was_closed && !(gap < 0.0)) continue;
-      const int at = first + i;
-      const double part = -gap / contact.rounding;
-      if (was_closed) {
-        const Vec3<double> way(gaps.way[0][i], gaps.way[1][i], gaps.way[2][i]);
-        if (way.dot(memory.n_last[at]) < 0.0) {
-          status = {StatusCode::kContactFlipped, at, part};
-          return NodesFound::kRefused;
-        }
+      const Vec3<double> way(gaps.way[0][i], gaps.way[1][i], gaps.way[2][i]);
+      if (was_closed && way.dot(memory.n_last[first + i]) < 0.0) {
+        status = {StatusCode::kContactFlipped, first + i, -gap / contact.rounding};
+        return NodesFound::kRefused;
       }
       if (!(gap < 0.0)) continue;
-      out.depth_ratio = std::max(out.depth_ratio, part);
-      ++out.active_count;
-      work.closed[at] = 1;
-      work.way[at] = {gaps.way[0][i], gaps.way[1][i], gaps.way[2][i]};
+      deepest = std::max(deepest, -gap);
+      ++active;
+      closed[i] = 1;
+      ways[i] = way;
     }
   }
+  out.depth_ratio = std::max(out.depth_ratio, deepest / contact.rounding);
+  out.active_count += active;
   double sums[nodes::kNodeSums];
   work.node_functions->add_lanes(lanes, nodes::kNodeSums, sums);
   out.gap = std::min(out.gap, least);
@@ -299,26 +300,25 @@ Status add_pairs(const ContactModel& model, int body, const ContactMemory& memor
   out.gap = near_only ? S(list->radius) - from_all : S(kNoGap);
   const S delta = near_only ? find_displacement<S>(of, list->close, motion) : from_all;
   // Of pairs that are open by their bounds, only the bounds count. All others are looked at.
-  std::vector<int>& pairs = work.looked_at;
+  int* const pairs = work.looked_at.data();
+  int count = 0;
   if (list) {
     const std::vector<double>& gaps = near_only ? list->near_gap : list->gap;
-    const int* near = near_only ? list->near.data() : nullptr;
-    pairs.clear();
+    const int* const near = near_only ? list->near.data() : nullptr;
+    const char* const closed = memory.closed.data();
     for (size_t k = 0; k < gaps.size(); ++k) {
       const int i = near ? near[k] : of.first + static_cast<int>(k);
       const S bound = S(gaps[k]) - delta;
-      if (memory.closed[i] || !(bound > S(0))) {
-        pairs.push_back(i);
-      } else {
-        out.gap = std::min<S>(out.gap, bound);
-      }
+      const bool is_open = !closed[i] && bound > S(0);
+      pairs[count] = i;
+      count += is_open ? 0 : 1;
+      if (is_open) out.gap = std::min<S>(out.gap, bound);
     }
   } else {
-    pairs.resize(static_cast<size_t>(of.count));
-    std::iota(pairs.begin(), pairs.end(), of.first);
+    count = of.count;
+    std::iota(pairs, pairs + count, of.first);
   }
   const auto was_closed_at = [&](int i) { return list && memory.closed[i]; };
-  const int count = static_cast<int>(pairs.size());
   [[maybe_unused]] int one_by_one = 0;  // pairs before this one are not evaluated together
   for (int k = 0; k < count; ++k) {
     const int i = pairs[k];
@@ -329,9 +329,10 @@ Status add_pairs(const ContactModel& model, int body, const ContactMemory& memor
         const NodeSet& set = model.node_sets[pair.node_set];
         const int end = set.first + set.count;
         std::fill(work.may_touch.begin(), work.may_touch.end(), 0);
+        char* const may_touch = work.may_touch.data();
         int last = k;  // of the set
         for (; last < count && pairs[last] < end; ++last) {
-          work.may_touch[(pairs[last] - set.first) / kGroup] = 1;
+          may_touch[static_cast<unsigned>(pairs[last] - set.first) / kGroup] = 1;
         }
         Status status;
         const NodesFound found = add_nodes(model, set, memory, motion, work, out, status);
@@ -448,7 +449,7 @@ ContactWorkspace<S>::ContactWorkspace(const ContactModel& model) {
     node_gaps.resize(std::max(node_gaps.size(), set.groups.size()));
   }
   may_touch.assign(node_gaps.size(), 0);
-  looked_at.reserve(model.pairs.size());
+  looked_at.resize(model.pairs.size());
 }
 
 template <class S>
