@@ -139,9 +139,9 @@ double update_contact_memory(const ContactModel& model, const HardwareMotion<dou
                              double* z, ContactWorkspace<double>& work, ContactMemory& memory) {
   const int count = model.pair_count();
   memory.closed = work.closed;
-  memory.n_last.resize(count, Vec3<double>::Zero());
+  memory.n_last.resize(count, {});
   for (int i = 0; i < count; ++i) {
-    if (memory.closed[i]) memory.n_last[i] = work.way[i].normalized();
+    if (memory.closed[i]) Eigen::Map<Vec3<double>>(memory.n_last[i].data()) = work.way[i].normalized();
   }
   memory.lists.resize(model.bodies.size());
   for (int body = 0; body < model.body_count(); ++body) {

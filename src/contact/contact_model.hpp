@@ -219,7 +219,8 @@ struct ContactMemory {
   std::vector<NeighbourList> lists;  ///< per body; empty before the first accepted step
   unsigned origins = 0;              ///< list origins of all pairs that were made
   std::vector<char> closed;          ///< per pair, 1 if in contact at the last accepted step
-  std::vector<Vec3<double>> n_last;  ///< unit normal of every closed pair, axes of G
+  /// Unit normal of every closed pair, axes of G. Of a type whose copies are moved as bytes.
+  std::vector<std::array<double, 3>> n_last;
   Acting absorber = Acting::kByState;
 
   /// @return nullptr: all pairs must be searched

@@ -24,6 +24,10 @@ constexpr double kLeastListRadius = 5e-3;  // [m] of the neighbour list
 constexpr double kGapLimit = 0.1;          // [m] a bound is sufficient for larger gaps
 constexpr int kSearches = 8;               // evaluations of an accepted step, about
 
+inline Vec3<double> get_last_normal(const ContactMemory& memory, int pair) {
+  return Eigen::Map<const Vec3<double>>(memory.n_last[static_cast<size_t>(pair)].data());
+}
+
 /// Displacement bound of the hardware of P from a list origin [m], rounded up.
 /// 2 sin(theta/2) = |R - R_origin|_F/sqrt(2).
 template <class S>
@@ -251,7 +255,7 @@ inline NodesFound add_nodes(const ContactModel& model, const NodeSet& set,
       least = std::min(least, gap);
       if (!was_closed && !(gap < 0.0)) continue;
       const Vec3<double> way(gaps.way[0][i], gaps.way[1][i], gaps.way[2][i]);
-      if (was_closed && way.dot(memory.n_last[first + i]) < 0.0) {
+      if (was_closed && way.dot(get_last_normal(memory, first + i)) < 0.0) {
         status = {StatusCode::kContactFlipped, first + i, -gap / contact.rounding};
         return NodesFound::kRefused;
       }
@@ -358,7 +362,7 @@ Status add_pairs(const ContactModel& model, int body, const ContactMemory& memor
     const double margin = to_double(-gap) / pair.rounding;
     const auto keeps_side = [&](const Place<S>& place) {
       return place.sign > 0 &&
-             !((place.second - place.first).dot(cast<S>(memory.n_last[i])) < S(0));
+             !((place.second - place.first).dot(cast<S>(get_last_normal(memory, i))) < S(0));
     };
     if (was_closed && std::none_of(places.begin(), places.end(), keeps_side)) {
       return {StatusCode::kContactFlipped, i, margin};
@@ -492,8 +496,10 @@ S find_gap(const ContactModel& model, const ContactMemory& memory, const Hardwar
       gap = std::min<S>(gap, find_pair<S>(model, model.pairs[i], seen, work, gap, c));
     };
     forget_plates(work);
-    if (list) {  // the closest pair is one of those that were near, as a rule
+    if (list) {  // the closest pair is one of those that were near, as a rule the closest one
       const S from_close = find_displacement<S>(of, list->close, seen);
+      const auto least = std::min_element(list->near_gap.begin(), list->near_gap.end());
+      if (least != list->near_gap.end()) look_at(list->near[least - list->near_gap.begin()]);
       for (size_t k = 0; k < list->near.size(); ++k) {
         if (S(list->near_gap[k]) - from_close < gap) look_at(list->near[k]);
       }

@@ -18,7 +18,7 @@ Ramp<S> calc_dock_ramp(const S& t, double since, double duration) {
   return calc_ramp<S>(clamp_unit<S>((t - S(since)) / S(duration)), S(duration));
 }
 
-/// A row of hooks now: where its ends stand, how much of the tension acts.
+/// A row of hooks that is not open: where its ends stand, how much of the tension acts.
 template <class S>
 struct RowNow {
   S end = S(0), end_rate = S(0);  ///< [m], [m/s]
@@ -28,7 +28,6 @@ template <class S>
 RowNow<S> find_row_now(const HardDock& dock, const HookRowState& row, const S& t) {
   const HookLaw& hooks = dock.hooks;
   RowNow<S> now;
-  if (row.mode == HookMode::kOpen) return now;
   now.grip = S(1);
   if (row.mode == HookMode::kOpening) {
     const Ramp<S> ramp = calc_dock_ramp<S>(t, row.since, hooks.open_time);
@@ -139,11 +138,14 @@ void calc_hard_dock(const HardDock& dock, const HardDockState& state, const S& t
   const HookLaw& hooks = dock.hooks;
   size_t hook = 0;
   for (size_t i = 0; i < hooks.rows.size(); ++i) {
+    if (state.row[i].mode == HookMode::kOpen) {
+      hook += hooks.rows[i].points.size();
+      continue;
+    }
     const RowNow<S> row = find_row_now<S>(dock, state.row[i], t);
-    const bool is_open = state.row[i].mode == HookMode::kOpen;
     for (const Eigen::Vector2d& at : hooks.rows[i].points) {
       const size_t place = hook++;
-      const S stretch = is_open ? S(-1) : S(openings.at(at) - row.end);
+      const S stretch = openings.at(at) - row.end;
       if (stretch <= S(0)) continue;
       const S rate = openings.rate_at(at) - row.end_rate;
       const Elastic<S> elastic = calc_toe_spring<S>(stretch, S(hooks.stiffness), S(hooks.toe));
