@@ -335,6 +335,12 @@ FrameMotion<S> find_frame_on(const FrameMotion<S>& body, const Pose<double>& pos
 /// Motion of frame `to` relative to frame `from`, axes of `from`, from differences of states.
 template <class S>
 RelativeMotion<S> find_relative(const FrameMotion<S>& from, const FrameMotion<S>& to);
+/// P relative to A. @pre calc_frames()
+template <class S>
+RelativeMotion<S> find_across(const DockingModel& model, const DockingData<S>& data) {
+  return model.acts_across() ? data.across
+                             : find_relative(data.interface[kChaser], data.interface[kTarget]);
+}
 
 /// Pose of a vehicle in O from its states, velocities zero.
 template <class S>

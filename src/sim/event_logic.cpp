@@ -293,8 +293,7 @@ PhaseInputs EventLogic::find_phase_inputs(const DockingData<double>& at, double 
   PhaseInputs in;
   in.limits = model_->phase_limits;
   if (!model_->present[kTarget]) return in;
-  const RelativeMotion<double> relative =
-      find_relative(at.interface[kChaser], at.interface[kTarget]);
+  const RelativeMotion<double> relative = find_across(*model_, at);
   in.gap = gap;
   in.axial = at.relative.p.x() + model_->contact.depth;
   in.axial_rate = relative.v.x();

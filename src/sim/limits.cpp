@@ -20,7 +20,7 @@ constexpr double kDegree = static_cast<double>(EIGEN_PI) / 180.0;  ///< [rad]
 void find_distances(const DockingModel& model, const DockingData<double>& data,
                     LimitValues& found) {
   const ContactModel& contact = model.contact;
-  const Vec3<double> p = find_relative(data.interface[kChaser], data.interface[kTarget]).p;
+  const Vec3<double> p = find_across(model, data).p;
   if (p.tail<2>().norm() > find_bounding_radius(contact, data.relative)) return;
   const double depth = data.contact.depth_ratio * contact.least_rounding;
   found.value[kOverlapLimit] = -p.x() - depth;

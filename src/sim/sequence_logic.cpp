@@ -30,7 +30,7 @@ double SequenceLogic::find_clock(double now) const {
 }
 
 double SequenceLogic::find_quantity(const Condition& part, DockingData<double>& at) const {
-  const auto relative = [&] { return find_relative(at.interface[kChaser], at.interface[kTarget]); };
+  const auto relative = [&] { return find_across(*model_, at); };
   const auto load = [&] {
     return find_capture_loads(
         at)[static_cast<size_t>(part.quantity) - static_cast<size_t>(Measured::kCaptureTension)];
@@ -142,7 +142,7 @@ void SequenceLogic::calc_functions(DockingData<double>& at, double* roots) const
 
 double SequenceLogic::find_speed(const Condition& part, const DockingData<double>& at) const {
   if (part.kind != Condition::Kind::kBounds) return 0.0;
-  const auto relative = [&] { return find_relative(at.interface[kChaser], at.interface[kTarget]); };
+  const auto relative = [&] { return find_across(*model_, at); };
   switch (part.quantity) {
     case Measured::kGap:
       return model_->contact.has_surfaces() ? find_approach_bound(model_->contact, at.relative)
