@@ -103,6 +103,30 @@ void list_mechanism_bodies(DockingModel& model) {
   }
 }
 
+void list_leg_loads(DockingModel& model) {
+  const MechanismModel& mechanism = model.mechanism.model;
+  model.leg_loads.assign(mechanism.legs.size(), {});
+  for (size_t i = 0; i < mechanism.legs.size(); ++i) {
+    const int body = mechanism.legs[i].body;
+    LegLoads& loads = model.leg_loads[i];
+    for (size_t e = 0; e < mechanism.elements.size(); ++e) {
+      for (const ElementTerm& term : mechanism.elements[e].along) {
+        if (term.body == body) loads.elements.push_back({static_cast<int>(e), term.ratio});
+      }
+    }
+    for (size_t k = 0; k < mechanism.loops.size(); ++k) {
+      const Loop& loop = mechanism.loops[k];
+      const double factor = loop.cut == CutType::kCoupling ? find_coupling_factor(loop, body) : 0.0;
+      if (factor != 0.0) loads.couplings.push_back({static_cast<int>(k), factor});
+    }
+  }
+}
+
+void make_lists(DockingModel& model) {
+  list_mechanism_bodies(model);
+  list_leg_loads(model);
+}
+
 }  // namespace
 
 int count_sums(const MechanismModel& mechanism, const HardDock& dock,
@@ -141,7 +165,7 @@ void set_host_body(DockingModel& model, int vehicle, const VehicleBody& of_host)
 
 void set_mechanism(DockingModel& model, const Mechanism& mechanism) {
   model.mechanism = mechanism;
-  list_mechanism_bodies(model);
+  make_lists(model);
 }
 
 void get_mechanism_state(const DockingModel& model, const TreeData<double>& tree, double* y) {
@@ -202,7 +226,7 @@ DockingModel make_docking_model(const Scene& scene,
         chaser_moves ? model.base_on_carrier : fixed_pose[kChaser] * base_in_chaser;
     model.capture_in_body = B * model.capture_in_body;
   }
-  list_mechanism_bodies(model);
+  make_lists(model);
   model.contact = scene.contact;
   if (!model.contact.empty()) set_law(model.contact, law);
   model.latches = scene.latches;

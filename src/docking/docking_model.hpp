@@ -96,6 +96,15 @@ struct LockedMechanism {
   VehicleBody joined;        ///< `whole` and the target
 };
 
+/// What acts along a leg besides its own joint force, with factors.
+struct LegLoads {
+  struct Term {
+    int index;  ///< of the element or loop
+    double factor;
+  };
+  std::vector<Term> elements, couplings;
+};
+
 /// Everything that does not change during a run. A simulation replaces its model by a changed copy
 /// for other tunable parameters (thrust, contact law) and for other independent coordinates.
 struct DockingModel {
@@ -119,6 +128,7 @@ struct DockingModel {
   Pose<double> base_on_carrier;       ///< B in adapter or chaser
   Pose<double> capture_in_body;       ///< G in axes of the capture body
   std::vector<int> mechanism_bodies;  ///< independent bodies without the vehicle
+  std::vector<LegLoads> leg_loads;    ///< per leg
   ContactModel contact;
   LatchSet latches;
   HardDock hard_dock;

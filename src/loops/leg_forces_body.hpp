@@ -17,7 +17,9 @@ void put_leg_forces(const MechanismModel& model, const VecX<S>& tau, TreeData<S>
   using Six = Eigen::Array<double, 6, 1>;
   Six loads = Six::Zero();  // their size, added up without a branch per number
   at.is_loaded = false;
+  const bool looks = tree.may_load_legs;
   const auto look_at = [&](int body) {
+    if (!looks) return;
     const Wrench<S>& load = tree.external[body];
     if constexpr (std::is_same_v<S, double>) {
       static_assert(sizeof load == sizeof(Six));
@@ -40,7 +42,10 @@ void put_leg_forces(const MechanismModel& model, const VecX<S>& tau, TreeData<S>
   }
   at.is_loaded = at.is_loaded || !(loads == 0.0).all();
   if (!at.is_loaded) {
-    for (const GearData<S>& gear : at.gears) press_legs(gear, gear.torque, at);
+    for (const GearData<S>& gear : at.gears) {
+      if (std::is_same_v<S, double> && gear.torque == S(0)) continue;
+      press_legs(gear, gear.torque, at);
+    }
     return;
   }
   calc_leg_coordinates(model, tree, loops);

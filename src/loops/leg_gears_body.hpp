@@ -200,8 +200,7 @@ void calc_load_sums(PlatformData<S>& at, std::array<S, legs::kLoadSums>& sums) {
 /// Forces of the couplings of gears, last first: a gear also turns those that name it.
 /// @pre calc_load_sums
 template <class S>
-void calc_gear_forces(const MechanismModel& model, const LoopPlan& plan, const PlatformData<S>& at,
-                      LoopData<S>& loops) {
+void calc_gear_forces(const PlatformData<S>& at, LoopData<S>& loops) {
   for (auto gear = at.gears.rbegin(); gear != at.gears.rend(); ++gear) {
     const S along =
         gear->on_root ? S(gear->axis.dot(as_vector(at.motion.root_alpha)))
@@ -210,12 +209,10 @@ void calc_gear_forces(const MechanismModel& model, const LoopPlan& plan, const P
       return S(S(leg.sign[i]) * at.store.work(leg, legs::kJoint + i));
     });
     S torque = gear->inertia * (turning + along) - gear->torque;
-    for (auto other = at.gears.rbegin(); other != gear; ++other) {
-      const Loop& loop = model.loops[plan.blocks[other->block].loops[0]];
-      torque -= S(find_coupling_factor(loop, gear->body)) * loops.block[other->block].lambda[0];
+    for (const auto& user : gear->users) {
+      torque -= S(user.factor) * loops.block[at.gears[user.gear].block].lambda[0];
     }
-    const Loop& own = model.loops[plan.blocks[gear->block].loops[0]];
-    loops.block[gear->block].lambda[0] = torque / S(find_coupling_factor(own, gear->body));
+    loops.block[gear->block].lambda[0] = torque / S(gear->factor);
   }
 }
 

@@ -110,6 +110,10 @@ struct GearData {
     int joint = 0;
     double ratio = 0.0;
   };
+  struct User {
+    size_t gear = 0;
+    double factor = 0.0;
+  };
   int body = 0, carrier = kBase, block = 0, q = 0, v = 0;
   double constant = 0.0;
   std::vector<Term> terms;   ///< its coordinate is the constant and the sum of these
@@ -117,6 +121,8 @@ struct GearData {
   bool on_root = false;      ///< then it is a part of the GearTrain, else of its leg (legs::kSpin)
   S inertia = S(0);          ///< about its axis [kg m2]
   Vec3<S> axis;              ///< R; of gears on tube or rod: E
+  double factor = 1.0;      ///< of its own joint in its coupling
+  std::vector<User> users;  ///< later gears whose couplings name this one, the last one first
   // Loads
   S torque = S(0);  ///< of forces and loads on its joint [N m]
   Wrench<S> load;   ///< from outside, passed on to the carrier; about its origin, base axes
@@ -239,9 +245,8 @@ void put_leg_accelerations(const LoopPlan& plan, VecX<S>& vdot, LoopData<S>& loo
 /// (tree.transmitted), or onto `on_base` where the root is `base_body`.
 /// @pre add_leg_biases; calc_tree_acceleration with vdot, calc_body_forces
 template <class S>
-void add_leg_loads(const MechanismModel& model, const LoopPlan& plan, const BaseMotion<S>& base,
-                   int base_body, const VecX<S>& vdot, TreeData<S>& tree, LoopData<S>& loops,
-                   Wrench<S>& on_base);
+void add_leg_loads(const LoopPlan& plan, const BaseMotion<S>& base, int base_body,
+                   const VecX<S>& vdot, TreeData<S>& tree, LoopData<S>& loops, Wrench<S>& on_base);
 
 /// Sums over the legs of one platform, base axes, about the origin of its root.
 template <class S>

@@ -612,8 +612,8 @@ void put_leg_accelerations(const LoopPlan& plan, VecX<S>& vdot, LoopData<S>& loo
 }
 
 template <class S>
-void add_leg_loads(const MechanismModel& model, const LoopPlan& plan, const BaseMotion<S>& base,
-                   int base_body, const VecX<S>& vdot, TreeData<S>& tree, LoopData<S>& loops,
+void add_leg_loads(const LoopPlan& plan, const BaseMotion<S>& base, int base_body,
+                   const VecX<S>& vdot, TreeData<S>& tree, LoopData<S>& loops,
                    Wrench<S>& on_base) {
   for (size_t n = 0; n < plan.platforms.size(); ++n) {
     const LegPlatform& platform = plan.platforms[n];
@@ -636,7 +636,7 @@ void add_leg_loads(const MechanismModel& model, const LoopPlan& plan, const Base
     }
     std::array<S, legs::kLoadSums> sums;
     calc_load_sums(at, sums);
-    calc_gear_forces(model, plan, at, loops);
+    calc_gear_forces(at, loops);
     for (const LegPlace& leg : at.legs) {
       for (int i = 0; i < 3; ++i) {
         loops.block[leg.block].lambda[i] = at.store.work(leg, legs::kCut + i);
@@ -677,8 +677,8 @@ namespace dockloop {
   template void add_leg_biases<S>(const MechanismModel&, const LoopPlan&, const BaseMotion<S>&,   \
                                   const VecX<S>&, TreeData<S>&, LoopData<S>&);                    \
   template void put_leg_accelerations<S>(const LoopPlan&, VecX<S>&, LoopData<S>&);                \
-  template void add_leg_loads<S>(const MechanismModel&, const LoopPlan&, const BaseMotion<S>&,    \
-                                 int, const VecX<S>&, TreeData<S>&, LoopData<S>&, Wrench<S>&);    \
+  template void add_leg_loads<S>(const LoopPlan&, const BaseMotion<S>&, int, const VecX<S>&,      \
+                                 TreeData<S>&, LoopData<S>&, Wrench<S>&);                         \
   template void calc_free_inertia<S>(const MechanismModel&, const LoopPlan&, const LoopData<S>&,  \
                                      TreeData<S>&, MatX<S>&);                                     \
   template void calc_free_forces<S>(const MechanismModel&, const LoopPlan&, const BaseMotion<S>&, \

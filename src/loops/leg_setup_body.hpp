@@ -219,6 +219,22 @@ GearData<S> make_gear(const MechanismModel& model, const LegPlatform& platform, 
   return made;
 }
 
+/// Which couplings name which gears. A coupling names its own gear and earlier ones.
+template <class S>
+void list_gear_users(const MechanismModel& model, const LoopPlan& plan,
+                     std::vector<GearData<S>>& gears) {
+  const auto find_factor = [&](const GearData<S>& user, int body) {
+    return find_coupling_factor(model.loops[plan.blocks[user.block].loops[0]], body);
+  };
+  for (size_t i = 0; i < gears.size(); ++i) {
+    gears[i].factor = find_factor(gears[i], gears[i].body);
+    for (size_t j = gears.size(); --j > i;) {
+      const double factor = find_factor(gears[j], gears[i].body);
+      if (factor != 0.0) gears[i].users.push_back({j, factor});
+    }
+  }
+}
+
 /// A gear on the root takes its part in the inertia of the joints that turn it.
 template <class S>
 void add_to_train(const Body& body, const GearData<S>& gear, GearTrain<S>& train) {
@@ -293,6 +309,7 @@ PlatformData<S>::PlatformData(const MechanismModel& model, const LoopPlan& plan,
     gear_bodies.push_back(gear.body);
     mass += S(model.bodies[gear.body].mass);
   }
+  list_gear_users(model, plan, gears);
   force.resize(legs.size());
   list_reported_joints(model, *this);
   if (!platform.is_free) pose.resize(platform.path.size());

@@ -190,7 +190,7 @@ void calc_reactions(const Mechanism& mechanism, const BaseMotion<S>& base, int b
   if (plan.is_free_platform) calc_body_inertia(model, plan.tree_bodies, tree);
   calc_body_forces(model, plan.tree_bodies, tree);
   data.on_base = Wrench<S>();
-  add_leg_loads(model, plan, base, base_body, data.vdot, tree, data.loops, data.on_base);
+  add_leg_loads(plan, base, base_body, data.vdot, tree, data.loops, data.on_base);
   calc_transmitted(model, plan.tree_bodies, tree);
   for (int i : plan.tree_bodies) {
     if (model.bodies[i].parent != base_body) continue;

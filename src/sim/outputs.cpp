@@ -33,10 +33,10 @@ std::array<double, kPeakCount> find_searched_peaks(const DockingModel& model,
 std::array<double, kPeakCount> find_peak_values(const DockingModel& model, const RatedLoads& rated,
                                                 DockingData<double>& data) {
   std::array<double, kPeakCount> values = find_searched_peaks(model, rated, data);
-  const std::vector<Leg>& legs = model.mechanism.model.legs;
-  if (!legs.empty()) calc_docking_reactions(model, data);
-  for (size_t i = 0; i < std::min<size_t>(legs.size(), kMaxLegPeaks); ++i) {
-    values[kFirstLegPeak + i] = std::abs(find_leg_force(model, data, legs[i]));
+  const size_t legs = model.mechanism.model.legs.size();
+  if (legs > 0) calc_docking_reactions(model, data);
+  for (size_t i = 0; i < std::min<size_t>(legs, kMaxLegPeaks); ++i) {
+    values[kFirstLegPeak + i] = std::abs(find_leg_force(model, data, i));
   }
   return values;
 }

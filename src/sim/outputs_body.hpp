@@ -201,25 +201,19 @@ void read_vehicle_forces(const OutputSource<S>& from, OutputValues<S>& out) {
 
 /// Force along a leg: spring, damper, stops, laws of elements and command, and the force of
 /// couplings (a screw with its rotor, a differential) on its slide or crank.
-/// @pre calc_docking_reactions()
+/// @param i  of the leg. @pre calc_docking_reactions()
 template <class S>
-S find_leg_force(const DockingModel& model, const DockingData<S>& data, const Leg& leg) {
-  const Mechanism& mechanism = model.mechanism;
+S find_leg_force(const DockingModel& model, const DockingData<S>& data, size_t i) {
+  const Leg& leg = model.mechanism.model.legs[i];
+  const LegLoads& loads = model.leg_loads[i];
   S force = data.joint_force[leg.force];
-  for (size_t e = 0; e < mechanism.model.elements.size(); ++e) {
-    for (const ElementTerm& term : mechanism.model.elements[e].along) {
-      if (term.body != leg.body) continue;
-      force += S(term.ratio) * data.elements.force[static_cast<int>(e)];
-    }
+  for (const LegLoads::Term& term : loads.elements) {
+    force += S(term.factor) * data.elements.force[term.index];
   }
   if (data.locked) return force / S(leg.arm);  // forces of couplings are unknown
-  for (size_t k = 0; k < mechanism.model.loops.size(); ++k) {
-    const Loop& loop = mechanism.model.loops[k];
-    if (loop.cut != CutType::kCoupling) continue;
-    const double factor = find_coupling_factor(loop, leg.body);
-    if (factor == 0.0) continue;
-    force +=
-        S(factor) * get_cut_force(mechanism.plan, data.mechanism.loops, static_cast<int>(k), 0);
+  for (const LegLoads::Term& term : loads.couplings) {
+    force += S(term.factor) *
+             get_cut_force(model.mechanism.plan, data.mechanism.loops, term.index, 0);
   }
   return force / S(leg.arm);
 }
@@ -238,7 +232,7 @@ void read_mechanism(const OutputSource<S>& from, OutputValues<S>& out) {
     const Body& body = model.mechanism.model.bodies[leg.body];
     out.leg_length[i] = S(leg.home_length) + S(leg.arm) * mechanism.tree.q[body.q_index];
     out.leg_rate[i] = S(leg.arm) * mechanism.tree.v[body.v_index];
-    out.leg_force[i] = find_leg_force(model, from.data, leg);
+    out.leg_force[i] = find_leg_force(model, from.data, i);
   }
   for (size_t i = 0; i < out.element_force.size(); ++i) {
     const ElementData<S>& elements = from.data.elements;

@@ -53,6 +53,7 @@ struct TreeData {
 
   // input of calc_body_forces, written by the caller
   std::vector<Wrench<S>> external;  ///< on each body about its origin, base axes
+  bool may_load_legs = true;        ///< else loads on bodies of legs are always zero
 
   // written by calc_body_forces (a start of `transmitted`) and calc_transmitted
   std::vector<Wrench<S>> transmitted;  ///< load that joint i must pass to body i, about its origin
