@@ -56,20 +56,29 @@ Vec3<S> find_leg_target(const ClosedForm& form, const Loop& loop, const LoopPath
   return cast<S>(form.in_parent.R).transpose() * (L - cast<S>(form.in_parent.p));
 }
 
-/// Put a solved joint into the tree.
+/// Put the coordinate of a solved joint into the tree.
 template <class S>
-void put_joint(const MechanismModel& model, const JointMap& joint, const LegSolution<S>& leg,
-               size_t i, const LoopReference<S>& reference, TreeData<S>& tree) {
+void put_coordinate(const MechanismModel& model, const JointMap& joint, const LegSolution<S>& leg,
+                    size_t i, const LoopReference<S>& reference, TreeData<S>& tree) {
   const Body& body = model.bodies[joint.body];
   S& q = tree.q[body.q_index];
   if (body.joint == JointType::kPrismatic) {
     q = leg.slide;
-    calc_joint_pose(model, joint.body, tree);
     return;
   }
   S c, s;
   find_joint_angle<S>(joint, leg.c[i], leg.s[i], c, s);
   q = find_angle<S>(c, s, reference.valid ? S(reference.q[body.q_index]) : q);
+}
+
+/// And its pose. @pre put_coordinate()
+template <class S>
+void put_pose(const MechanismModel& model, const JointMap& joint, const LegSolution<S>& leg,
+              size_t i, TreeData<S>& tree) {
+  S c(1), s(0);
+  if (model.bodies[joint.body].joint != JointType::kPrismatic) {
+    find_joint_angle<S>(joint, leg.c[i], leg.s[i], c, s);
+  }
   calc_joint_pose(model, joint.body, c, s, tree);
 }
 

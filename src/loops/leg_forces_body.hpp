@@ -48,7 +48,7 @@ void put_leg_forces(const MechanismModel& model, const VecX<S>& tau, TreeData<S>
     }
     return;
   }
-  calc_leg_coordinates(model, tree, loops);
+  calc_leg_poses(model, tree, loops);
   at.external = Wrench<S>();
   for (const LegPlace& leg : at.legs) calc_tree_position(model, leg.body, tree);
   calc_tree_position(model, at.gear_bodies, tree);

@@ -186,9 +186,13 @@ Status calc_leg_positions(const MechanismModel& model, const LoopPlan& plan, Tre
 template <class S>
 void keep_leg_reach(const LoopPlan& plan, LoopData<S>& loops);
 
-/// Coordinates of all joints of legs and gears, and joint poses. @pre calc_leg_positions
+/// Coordinates of all joints of legs and gears. @pre calc_leg_positions
 template <class S>
 void calc_leg_coordinates(const MechanismModel& model, TreeData<S>& tree, LoopData<S>& loops);
+
+/// The same, and poses of these joints.
+template <class S>
+void calc_leg_poses(const MechanismModel& model, TreeData<S>& tree, LoopData<S>& loops);
 
 /// H, margin, sign of the blocks of legs. @pre calc_leg_positions
 template <class S>

@@ -236,13 +236,23 @@ void calc_leg_coordinates(const MechanismModel& model, TreeData<S>& tree, LoopDa
       for (int i = 0; i < 3; ++i) {
         solved.c[i] = at.store.work(leg, legs::kTurns + 2 * i);
         solved.s[i] = at.store.work(leg, legs::kTurns + 2 * i + 1);
-        put_joint(model, leg.form.joint[i], solved, static_cast<size_t>(i), reference, tree);
+        put_coordinate(model, leg.form.joint[i], solved, static_cast<size_t>(i), reference, tree);
       }
     }
-    for (const GearData<S>& gear : at.gears) {
-      put_gear_coordinate(at, gear, tree);
-      calc_joint_pose(model, gear.body, tree);
+    for (const GearData<S>& gear : at.gears) put_gear_coordinate(at, gear, tree);
+  }
+}
+
+template <class S>
+void calc_leg_poses(const MechanismModel& model, TreeData<S>& tree, LoopData<S>& loops) {
+  if (std::exchange(loops.has_leg_poses, true)) return;
+  calc_leg_coordinates(model, tree, loops);
+  for (const PlatformData<S>& at : loops.platform) {
+    for (const LegPlace& leg : at.legs) {
+      const LegSolution<S>& solved = loops.block[leg.block].leg;
+      for (size_t i = 0; i < 3; ++i) put_pose(model, leg.form.joint[i], solved, i, tree);
     }
+    for (const GearData<S>& gear : at.gears) calc_joint_pose(model, gear.body, tree);
   }
 }
 
@@ -663,6 +673,7 @@ namespace dockloop {
                                         LoopData<S>&);                                            \
   template void keep_leg_reach<S>(const LoopPlan&, LoopData<S>&);                                 \
   template void calc_leg_coordinates<S>(const MechanismModel&, TreeData<S>&, LoopData<S>&);       \
+  template void calc_leg_poses<S>(const MechanismModel&, TreeData<S>&, LoopData<S>&);             \
   template void calc_leg_maps<S>(LoopData<S>&);                                                   \
   template void add_leg_columns<S>(const LoopPlan&, const LoopData<S>&, MatX<S>&);                \
   template void add_leg_masses<S>(const LoopPlan&, const LoopData<S>&, TreeData<S>&);             \

@@ -94,7 +94,8 @@ Status solve_by_formula(const MechanismModel& model, const LoopPlan& plan, const
   data.leg = solve_leg<S>(form.kind, form.shape, data.branch, L);
   if (data.leg.code != StatusCode::kOk) return {data.leg.code, k, 0.0, 0.0};
   for (size_t i = 0; i < form.joint.size(); ++i) {
-    put_joint(model, form.joint[i], data.leg, i, reference, tree);
+    put_coordinate(model, form.joint[i], data.leg, i, reference, tree);
+    put_pose(model, form.joint[i], data.leg, i, tree);
   }
   data.margin = data.leg.margin;
   if (!form.spin) return {};
@@ -297,7 +298,7 @@ Status solve_blocks(const MechanismModel& model, const LoopPlan& plan, bool from
 template <class S>
 Status calc_loop_position(const MechanismModel& model, const LoopPlan& plan, TreeData<S>& tree,
                           LoopData<S>& loops) {
-  loops.has_leg_coordinates = false;
+  loops.has_leg_coordinates = loops.has_leg_poses = false;
   if (!loops.reference.valid) {
     const Status status = solve_blocks(model, plan, false, tree, loops);
     return status.ok() ? calc_leg_positions(model, plan, tree, loops) : status;

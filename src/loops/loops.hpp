@@ -79,7 +79,8 @@ struct LoopData {
   std::vector<BlockData<S>> block;        ///< per block
   std::vector<PlatformData<S>> platform;  ///< per platform on legs
   LoopReference<S> reference;
-  bool has_leg_coordinates = false;  ///< calc_leg_coordinates() has been called at this position
+  // Have calc_leg_coordinates() and calc_leg_poses() been called at this position?
+  bool has_leg_coordinates = false, has_leg_poses = false;
   VecX<S> moved, target;  ///< scratch: nv, from the reference pose; nq, pose that is sought
 };
 
@@ -100,7 +101,7 @@ template <class S>
 void keep_reference(const MechanismModel& model, const LoopPlan& plan, TreeData<S>& tree,
                     LoopData<S>& loops);
 
-/// Residual and G of the legs of platforms. @pre calc_leg_coordinates
+/// Residual and G of the legs of platforms. @pre calc_leg_poses
 template <class S>
 void calc_leg_cuts(const MechanismModel& model, const LoopPlan& plan, const TreeData<S>& tree,
                    LoopData<S>& loops);

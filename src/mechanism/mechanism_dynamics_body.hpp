@@ -79,7 +79,7 @@ Status calc_position(const Mechanism& mechanism, MechanismData<S>& data, Need ne
   if (!status.ok()) return status;
   calc_velocity_maps(model, plan, data.loops);
   if (need == Need::kEverything && !plan.platforms.empty()) {
-    calc_leg_coordinates(model, data.tree, data.loops);
+    calc_leg_poses(model, data.tree, data.loops);
     calc_leg_cuts(model, plan, data.tree, data.loops);
     calc_leg_maps(data.loops);
     calc_tree_position(model, data.tree.all, data.tree);
@@ -224,7 +224,7 @@ void keep_reference(const Mechanism& mechanism, MechanismData<S>& data) {
 template <class S>
 void calc_leg_bodies(const Mechanism& mechanism, MechanismData<S>& data) {
   DOCK_ASSERT(data.found != Need::kRates);
-  calc_leg_coordinates(mechanism.model, data.tree, data.loops);
+  calc_leg_poses(mechanism.model, data.tree, data.loops);
   put_leg_velocities(data.tree, data.loops);
   calc_tree_position(mechanism.model, mechanism.plan.leg_bodies, data.tree);
 }
@@ -341,7 +341,7 @@ double find_closure_residual(const Mechanism& mechanism, MechanismData<S>& data)
   DOCK_ASSERT(data.found != Need::kRates);
   const LoopPlan& plan = mechanism.plan;
   if (!plan.platforms.empty()) {
-    calc_leg_coordinates(mechanism.model, data.tree, data.loops);
+    calc_leg_poses(mechanism.model, data.tree, data.loops);
     calc_leg_cuts(mechanism.model, plan, data.tree, data.loops);
   }
   double largest = 0.0;
