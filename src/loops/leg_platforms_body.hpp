@@ -133,9 +133,12 @@ template <class S>
 void calc_leg_map(const PlatformData<S>& at, const LegPlace& leg, BlockData<S>& data) {
   for (int i = 0; i < 3; ++i) {
     const Vec6<S> rate = find_rate_per_twist(at, leg, i);
-    for (int j = 0; j < at.J.cols(); ++j) {
-      data.H(leg.form.joint[i].row, j) = rate.dot(at.J.col(j));
+    auto row = data.H.row(leg.form.joint[i].row);
+    if (at.pose.empty()) {  // a free joint: its velocities are the twist
+      row = rate.transpose();
+      continue;
     }
+    for (int j = 0; j < at.J.cols(); ++j) row[j] = rate.dot(at.J.col(j));
   }
 }
 
