@@ -1,4 +1,4 @@
-// Legs, nodes and plates in the lanes that every processor of the platform has, and the choice of
+// Legs, nodes, plates and columns in the lanes that every processor of the platform has, and the choice of
 // wider ones.
 #define LANES 2
 #define FUNCTIONS kBaseFunctions
@@ -6,6 +6,7 @@
 #include "contact/node_lanes_body.hpp"
 #include "contact/plate_lanes_body.hpp"
 #include "loops/leg_lanes_body.hpp"
+#include "math/column_lanes_body.hpp"
 
 #ifdef DOCKLOOP_X86_LANES
 #define WIDER kAvx2Functions, kAvx512Functions
@@ -20,6 +21,10 @@ const legs::LegFunctions& legs::find_leg_functions(int widest) {
 }
 
 const nodes::NodeFunctions& nodes::find_node_functions(int widest) {
+  return choose_lanes(widest, kBaseFunctions, WIDER);
+}
+
+const columns::ColumnFunctions& columns::find_column_functions(int widest) {
   return choose_lanes(widest, kBaseFunctions, WIDER);
 }
 

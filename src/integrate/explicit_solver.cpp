@@ -14,7 +14,6 @@
 
 #include "integrate/one_step_solver.hpp"
 #include "integrate/runge_kutta.hpp"
-#include "math/pair.hpp"
 
 namespace dockloop {
 namespace {
@@ -95,17 +94,7 @@ class ExplicitSolver : public OneStepSolver {
 /// sum = base + h * (weights times rates)
 void ExplicitSolver::add_up(const double* weight, int count, double h, const double* base,
                             double* sum) const {
-  for (int i = 0; i < stride_; i += kUnrollWidth) {
-    Pair s[kUnrollWidth / 2] = {};
-    const double* rates = rates_.data() + i;
-    for (int j = 0; j < count; ++j, rates += stride_) {
-      for (int l = 0; l < kUnrollWidth / 2; ++l) s[l] += weight[j] * load_pair(rates + 2 * l);
-    }
-    for (int l = 0; l < kUnrollWidth / 2; ++l) {
-      const int at = i + 2 * l;
-      store_pair(load_pair(base + at) + h * s[l], sum + at);
-    }
-  }
+  functions_.add_up(weight, rates_.data(), count, stride_, h, base, sum);
 }
 
 /// All stages but the last, and the state at the end.

@@ -7,7 +7,7 @@ OneStepSolver::OneStepSolver(System& system, bool fixed, double growth)
     : system_(system),
       fixed_(fixed),
       size_(system.problem.size),
-      stride_((size_ + kUnrollWidth - 1) / kUnrollWidth * kUnrollWidth),
+      stride_((size_ + kGroup - 1) / kGroup * kGroup),
       growth_(growth) {
   for (auto* x : {&start_, &end_, &scale_, &atol_}) x->assign(static_cast<size_t>(stride_), 0.0);
   std::copy_n(NV_DATA_S(system.atol), size_, atol_.begin());

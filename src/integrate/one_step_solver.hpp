@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "integrate/solver.hpp"
+#include "math/column_lanes.hpp"
 
 namespace dockloop {
 
@@ -22,8 +23,6 @@ class OneStepSolver : public Solver {
   bool has_fixed_step() const override { return fixed_; }
 
  protected:
-  static constexpr int kUnrollWidth = 8;  ///< states that are added up together
-
   /// @param growth  limit of the next step over this one
   OneStepSolver(System& system, bool fixed, double growth);
 
@@ -62,8 +61,9 @@ class OneStepSolver : public Solver {
                          N_Vector y) const;
 
   System& system_;
+  const columns::ColumnFunctions& functions_ = columns::find_column_functions();
   const bool fixed_;
-  const int size_, stride_;
+  const int size_, stride_;          // stride_: of columns, whole groups of lanes
   std::vector<double> start_, end_;  // of the step
   std::vector<double> scale_;        // 1/(rtol |y| + atol)
   double t_ = 0.0, h_ = 0.0;         // end of the last step, size of the next one [s]

@@ -24,7 +24,6 @@
 #include <vector>
 
 #include "integrate/one_step_solver.hpp"
-#include "math/pair.hpp"
 
 namespace dockloop {
 namespace {
@@ -150,22 +149,9 @@ bool RosenbrockSolver::factorise(double g) {
 void RosenbrockSolver::add_up(int stage, double h) {
   std::array<double, kStages> c;
   for (int j = 0; j < stage; ++j) c[j] = kC[stage][j] / h;
-  for (int i = 0; i < stride_; i += kUnrollWidth) {
-    Pair y[kUnrollWidth / 2] = {}, s[kUnrollWidth / 2] = {};
-    const double* u = stages_.data() + i;
-    for (int j = 0; j < stage; ++j, u += stride_) {
-      for (int l = 0; l < kUnrollWidth / 2; ++l) {
-        const Pair pair = load_pair(u + 2 * l);
-        y[l] += kA[stage][j] * pair;
-        s[l] += c[j] * pair;
-      }
-    }
-    for (int l = 0; l < kUnrollWidth / 2; ++l) {
-      const int at = i + 2 * l;
-      store_pair(load_pair(&start_[at]) + y[l], &end_[at]);
-      store_pair(s[l], &sum_[at]);
-    }
-  }
+  std::fill(sum_.begin(), sum_.end(), 0.0);
+  functions_.add_up(kA[stage], stages_.data(), stage, stride_, 1.0, start_.data(), end_.data());
+  functions_.add_up(c.data(), stages_.data(), stage, stride_, 1.0, sum_.data(), sum_.data());
 }
 
 /// @pre matrix and time slope of the start

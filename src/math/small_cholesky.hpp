@@ -15,6 +15,7 @@
 #include <cmath>
 #include <type_traits>
 
+#include "math/column_lanes.hpp"
 #include "math/dual.hpp"
 #include "math/types.hpp"
 
@@ -78,6 +79,7 @@ class SmallCholesky {
     }
   }
 
+  const columns::ColumnFunctions* functions_ = &columns::find_column_functions();
   MatX<double> L_;
   Eigen::ComputationInfo info_ = Eigen::Success;
 };
