@@ -140,8 +140,13 @@ double update_contact_memory(const ContactModel& model, const HardwareMotion<dou
   const int count = model.pair_count();
   memory.closed = work.closed;
   memory.n_last.resize(count, {});
-  for (int i = 0; i < count; ++i) {
-    if (memory.closed[i]) Eigen::Map<Vec3<double>>(memory.n_last[i].data()) = work.way[i].normalized();
+  const char* const all = memory.closed.data();
+  const auto find_closed = [&](int from) {  // few pairs are
+    const void* at = std::memchr(all + from, 1, static_cast<size_t>(count - from));
+    return at ? static_cast<int>(static_cast<const char*>(at) - all) : count;
+  };
+  for (int i = find_closed(0); i < count; i = find_closed(i + 1)) {
+    Eigen::Map<Vec3<double>>(memory.n_last[i].data()) = work.way[i].normalized();
   }
   memory.lists.resize(model.bodies.size());
   for (int body = 0; body < model.body_count(); ++body) {

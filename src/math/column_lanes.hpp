@@ -17,6 +17,8 @@ struct ColumnFunctions {
   /// @return is A positive definite?
   bool (*factorise_6)(const double* A, double* L);
   bool (*factorise_12)(const double* A, double* L);
+  /// x := A^-1 x with this factor.
+  void (*solve_12)(const double* L, double* x);
 };
 
 extern const ColumnFunctions kBaseFunctions;

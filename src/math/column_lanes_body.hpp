@@ -82,8 +82,43 @@ bool factorise(const double* A, double* L) {
   return of.put_factor(L);
 }
 
+/// Downwards all rows of a register change together: rows above the present one are finished, and
+/// what happens to them is not read. Upwards the products of a column are found together, and taken
+/// off in the order of the rows.
+template <int N>
+void solve(const double* L, double* x) {
+  constexpr int kWide = LANES >= 4 ? 4 : 2, kParts = N / kWide;
+  typedef double Part __attribute__((vector_size(8 * kWide)));
+  Part rest[kParts], column;
+  double inverse[N], y[N];
+  for (int j = 0; j < N; ++j) inverse[j] = 1.0 / L[N * j + j];
+  __builtin_memcpy(rest, x, sizeof rest);
+#pragma GCC unroll 12
+  for (int j = 0; j < N; ++j) {
+    y[j] = rest[j / kWide][j % kWide] * inverse[j];
+    for (int i = j / kWide; i < kParts; ++i) {
+      __builtin_memcpy(&column, L + N * j + kWide * i, sizeof column);
+      rest[i] -= y[j] * column;
+    }
+  }
+  __builtin_memcpy(rest, y, sizeof rest);
+#pragma GCC unroll 12
+  for (int j = N - 1; j >= 0; --j) {
+    double sum = y[j];
+    for (int i = kParts - 1; i >= j / kWide; --i) {
+      __builtin_memcpy(&column, L + N * j + kWide * i, sizeof column);
+      column *= rest[i];
+      for (int k = kWide - 1; k >= 0; --k) {
+        if (kWide * i + k > j) sum -= column[k];
+      }
+    }
+    rest[j / kWide][j % kWide] = sum * inverse[j];
+  }
+  __builtin_memcpy(x, rest, sizeof rest);
+}
+
 }  // namespace
 
-const ColumnFunctions FUNCTIONS = {add_up, factorise<6>, factorise<12>};
+const ColumnFunctions FUNCTIONS = {add_up, factorise<6>, factorise<12>, solve<12>};
 
 }  // namespace dockloop::columns

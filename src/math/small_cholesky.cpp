@@ -34,7 +34,7 @@ void SmallCholesky::solve_column(Eigen::Ref<VecX<double>> x) const {
   if (L_.rows() == 6) {
     solve_leading<6>(x.data());
   } else if (L_.rows() == 12) {
-    solve_leading<12>(x.data());
+    functions_->solve_12(L_.data(), x.data());
   } else {
     L_.triangularView<Eigen::Lower>().solveInPlace(x);
     L_.transpose().triangularView<Eigen::Upper>().solveInPlace(x);
