@@ -668,6 +668,28 @@ def test_without_matplotlib_only_figures_are_missing(dockloop, tmp_path, monkeyp
             "run hexapod --set chaser.inertia[4]=1e6",
             "--set chaser.inertia[4]=1e6: chaser.inertia (xx yy zz xy xz yz) is ",
         ),
+        *(
+            (
+                f"{command} --scene chaser.inertia=[1,1,9,0,0,0]",
+                "--scene chaser.inertia=[1,1,9,0,0,0]: chaser.inertia has the principal moments",
+            )
+            for command in (
+                "run absorber_1d",
+                "trade absorber_1d --quick --methods explicit",
+            )
+        ),
+        (
+            "linearise hexapod --at capture --scene chaser.inertia=[1,1,9,0,0,0]",
+            "--scene chaser.inertia=[1, 1, 9, 0, 0, 0]: chaser.inertia has the principal moments",
+        ),
+        (
+            "ssp absorber_1d --scene chaser.motion=fixed",
+            "--scene chaser.motion=fixed: scene 'absorber_1d': conditions at first contact need",
+        ),
+        (
+            "ssp absorber_1d --scene chaser.motion=recorded",
+            "--scene chaser.motion=recorded: chaser.motion is",
+        ),
     ],
 )
 def test_messages_begin_with_the_option_as_it_was_typed(dockloop, order, sentence):

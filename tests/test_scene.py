@@ -224,14 +224,75 @@ def test_a_list_of_a_file_that_lacks_a_number_is_named(tmp_path):
         resolve_scene(scene, ["chaser.inertia.1=3"])
 
 
-def test_vehicles_that_cannot_be_placed_are_blamed_on_the_override_too():
-    for override, sentence in (
-        ("chaser.motion=fixed", "scene 'hexapod': conditions at first contact need a chaser"),
-        ("chaser.mass=1e300", "chaser.mass is 1e+300; its absolute value must be at most 1e30"),
-    ):
+@pytest.mark.parametrize(
+    ("scene", "override", "sentence"),
+    [
+        (
+            "hexapod",
+            "chaser.motion=fixed",
+            "scene 'hexapod': conditions at first contact need a chaser",
+        ),
+        (
+            "hexapod",
+            "chaser.mass=1e300",
+            "chaser.mass is 1e+300; its absolute value must be at most 1e30",
+        ),
+        (
+            "idss_25t_350t",
+            "mechanism.set.legs.leg1.root_point.1=99",
+            "mechanism: leg_defaults.stops (leg 'leg1'): the home length 98.7316 m must",
+        ),
+        (
+            "idss_25t_350t",
+            "mechanism.set.home_q=[1]",
+            "mechanism: mechanism 'idss_hexapod': home_q",
+        ),
+        (
+            "idss_25t_350t",
+            "initial.joints.foo.position=3",
+            "initial.joints.foo: the mechanism has no body of that name",
+        ),
+        (
+            "idss_25t_350t",
+            "input.1.file=none.csv",
+            f"{paths.shown(paths.SCENES / 'none.csv')}: no such table",
+        ),
+    ],
+)
+def test_what_the_core_refuses_is_blamed_on_the_override_too(scene, override, sentence):
+    others = ["target.inertia.1=5e7", "experiment.stop=9"]
+    for overrides in ([*others, override], [override, *others]):
         with pytest.raises(UsageError) as error:
-            read_placed(find_scene("hexapod"), ["target.motion=fixed", override])
+            read_placed(find_scene(scene), overrides)
         assert str(error.value).startswith(f"--scene {override}: {sentence}")
+
+
+def test_what_the_core_refuses_in_a_file_is_blamed_on_the_file(tmp_path):
+    scene = tmp_path / "own.toml"
+    scene.write_text(f'{MINIMAL}[initial]\nat = "start"\njoints = {{foo = {{rate = 1}}}}\n')
+    (tmp_path / "own.json").write_text(json.dumps(LOW_LEVEL["mechanism"]))
+    with pytest.raises(UsageError, match=r"^\S*own\.toml: initial\.joints\.foo: "):
+        read_placed(scene, ["chaser.mass=3"])
+
+
+@pytest.mark.parametrize(
+    ("override", "sentence"),
+    [
+        ("initial.lateral_offset=9", "with these conditions the capture surfaces never touch"),
+        ("initial.at=start", "initial.approach_time and initial.closing_speed and"),
+    ],
+)
+def test_a_warning_of_placement_is_blamed_on_the_override(capsys, override, sentence):
+    read_placed(find_scene("idss_25t_350t"), [override, "chaser.mass=2e4"])
+    assert capsys.readouterr().err.startswith(f"dockloop: warning: --scene {override}: {sentence}")
+
+
+def test_two_faults_are_blamed_each_on_its_own_override():
+    refused, other = "chaser.mass=-1", "target.mass=-1"
+    with pytest.raises(UsageError, match=f"^--scene {refused}: chaser.mass is -1"):
+        resolve_scene(find_scene("hexapod"), [refused, other])
+    with pytest.raises(UsageError, match=r"^--scene c\*\.mass=-1: chaser.mass is -1"):
+        resolve_scene(find_scene("hexapod"), [refused, "c*.mass=-1"])
 
 
 def test_a_bad_mechanism_file_is_refused_with_the_path_of_the_member(tmp_path):

@@ -15,8 +15,7 @@ from dockloop.base.errors import UsageError
 from dockloop.fmu.binaries import find_libraries
 from dockloop.native import core
 from dockloop.scene.find import find_scene
-from dockloop.scene.placement import place_vehicles
-from dockloop.scene.resolve import resolve_scene
+from dockloop.scene.placement import read_placed
 from extreme_cases.fmi_host import OK, Host
 from extreme_cases.own_mechanism import FIXED_BASE, capture_body_section, write_scene
 
@@ -66,8 +65,7 @@ class Workshop:
 
     def _build(self, source, overrides):
         """As `build_fmu` does, without what an FMU holds for people and without the zip file."""
-        document = resolve_scene(source, overrides)
-        place_vehicles(document, source)
+        document = read_placed(source, overrides)
         folder = self._new()
         model = folder / "resources" / "model.json"
         model.parent.mkdir()

@@ -1,5 +1,6 @@
 """``dockloop run``: one docking through its FMU."""
 
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -91,7 +92,7 @@ def run(options: Options) -> None:
     is_compared = options.estimate_error or options.assured
     everything = ["*"] if is_compared and options.outputs else []
 
-    with scratch() as folder:
+    with _blaming(options), scratch() as folder:
         if not is_fmu:
             made = folder / f"{name}.fmu"
             fmu = build_fmu(options.scene, options.overrides, made, options.kernel, bare=True)
@@ -127,6 +128,17 @@ def run(options: Options) -> None:
     summary = summarise(result)
     _write_files(options, result, summary, file)
     write_found(options, summary, report_run)
+
+
+def _blaming(options: Options) -> AbstractContextManager[None]:
+    """Return what lets a refused start begin with the option that has changed the scene."""
+    from dockloop.scene.find import find_scene
+    from dockloop.scene.placement import blaming_start
+
+    if options.scene.endswith(".fmu"):
+        return nullcontext()
+    path = find_scene(options.scene)
+    return blaming_start(path, options.overrides, f"scene {path.stem}: ")
 
 
 def _complete_settings(options: Options, fmu: Path) -> dict[str, str]:

@@ -48,8 +48,8 @@ from dockloop.fmu.vehicle_fmu import COUNTS, NEEDED, Description, VehicleFmu, re
 from dockloop.native.variables import LOADS, TYPES, VEHICLES
 from dockloop.scene.carried import read_model
 from dockloop.scene.find import find_scene
-from dockloop.scene.placement import place_vehicles
-from dockloop.scene.resolve import resolve_scene
+from dockloop.scene.placement import read_placed
+from dockloop.scene.resolve import SceneReader
 
 PARAMETER_SET = "scene"
 # Of the FMU of a vehicle that is no FMU of the user.
@@ -106,11 +106,13 @@ def build_ssp(
         DockloopError: the compiled parts are missing, or the file cannot be written.
     """
     source = find_scene(reference)
-    document = resolve_scene(source, overrides)
+    reader = SceneReader(source)
+    reader.resolve(overrides, work=lambda each: _list_moving(each, source) and "")
+    document = read_placed(source, overrides, reader)
     output = output or paths.RESULTS / "ssp" / f"{document['name']}.ssp"
     claim(output, PACKAGE)
     check_suffix(output, ".ssp")
-    documents = _split(document, source)
+    documents = _split(document, _list_moving(document, source))
     own = _read_vehicles(vehicles, names, documents, source)
     with scratch() as folder:
         archives = {name: vehicles.get(name, folder / f"{name}.fmu") for name in documents}
@@ -123,19 +125,15 @@ def build_ssp(
     return output
 
 
-def _split(document: dict, source: Path) -> dict[str, dict]:
-    """Return the documents of all FMUs: `docking` and the vehicles that move.
-
-    A host may go through them in this order. In parallel mode the docking is the last, so that it
-    receives where its vehicles are before it is initialised; in sequential mode it steps first.
-    """
+def _list_moving(document: dict, source: Path) -> list[str]:
+    """Return the vehicles that get FMUs of their own. Raises UsageError: there is none."""
     if recorded := [v for v in VEHICLES if document.get(v, {}).get("motion") == "recorded"]:
         raise UsageError(
             f"{paths.shown(source)}: the {recorded[0]} follows a record, so no FMU can move it;"
             " leave its entries of [[input]] out"
         )
-    taken_out = [v for v in VEHICLES if document.get(v, {"motion": "fixed"})["motion"] != "fixed"]
-    if not taken_out:
+    moving = [v for v in VEHICLES if document.get(v, {"motion": "fixed"})["motion"] != "fixed"]
+    if not moving:
         raise UsageError(
             f"{paths.shown(source)}: no vehicle is free or driven, so there is nothing to connect;"
             " set chaser.motion or target.motion"
@@ -145,11 +143,19 @@ def _split(document: dict, source: Path) -> dict[str, dict]:
             f"{paths.shown(source)}: has no [mechanism], so nothing acts between the vehicles;"
             " 'dockloop build' makes the FMU of a vehicle by itself"
         )
-    place_vehicles(document, source)
+    return moving
+
+
+def _split(document: dict, moving: list[str]) -> dict[str, dict]:
+    """Return the documents of all FMUs: `docking` and the vehicles that move.
+
+    A host may go through them in this order. In parallel mode the docking is the last, so that it
+    receives where its vehicles are before it is initialised; in sequential mode it steps first.
+    """
     docking = copy.deepcopy(document)
     docking["coupling"] = {"mode": "parallel", **document.get("coupling", {})}
     documents = {}
-    for vehicle in taken_out:
+    for vehicle in moving:
         docking[vehicle]["motion"] = "driven"
         documents[vehicle] = take_out(document, vehicle)
     if docking["coupling"]["mode"] == "sequential":

@@ -35,8 +35,10 @@ def load_core() -> ModuleType:
 
 
 @contextmanager
-def core_errors() -> Iterator[ModuleType]:
+def core_errors(source: Path | None = None) -> Iterator[ModuleType]:
     """Yield the compiled module; its errors become those of this package.
+
+    Refusals name the file `source`, if there is one.
 
     Raises:
         UsageError: the core refused a document, a variable or a value.
@@ -46,7 +48,8 @@ def core_errors() -> Iterator[ModuleType]:
     try:
         yield core
     except core.ModelError as error:
-        raise UsageError(without_function(str(error))) from None
+        said, name = without_function(str(error)), name_source(source) if source else ""
+        raise UsageError(said if said.startswith(name) else f"{name}: {said}") from None
     except core.StepError as error:
         raise DockloopError(str(error)) from None
 

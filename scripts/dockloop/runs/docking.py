@@ -8,7 +8,8 @@ import copy
 import math
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +34,7 @@ from dockloop.result.accuracy import estimate_error as find_estimate
 from dockloop.result.recording import Result, find_vector, list_points, warn_of_driven
 from dockloop.runs.assured import ESTIMATED_TOO, assure, check_assurable
 from dockloop.scene.find import find_scene
-from dockloop.scene.placement import read_placed
+from dockloop.scene.placement import blaming_start, read_placed
 from dockloop.scene.resolve import SceneReader, list_matches, scene_members, write_scene
 from dockloop.scene.values import as_setting
 
@@ -45,6 +46,7 @@ class Scene:
         reference: name of the shipped scene, or path of the file, as commands take it.
         path: the scene file.
         overrides: keys in which it differs from its file.
+        texts: the same as ``KEY=VALUE``.
         name: of the scene.
         title: one line.
         document: the resolved scene, all quantities in SI units (``resources/model.json`` of an
@@ -84,10 +86,10 @@ class Scene:
             reference = write_scene(reference)
         self.reference = str(reference)
         self.path: Path = find_scene(self.reference)
-        texts = [as_setting(name, value) for name, value in self.overrides.items()]
+        self.texts = [as_setting(name, value) for name, value in self.overrides.items()]
         self.warnings: list[str] = []
-        self.document = read_placed(self.path, texts, reader, self.warnings.append)
-        self.notes = list_matches(self.path, texts)
+        self.document = read_placed(self.path, self.texts, reader, self.warnings.append)
+        self.notes = list_matches(self.path, self.texts)
         self.name: str = self.document["name"]
         self.title: str = self.document["title"]
 
@@ -219,7 +221,7 @@ class Docking:
         """
         rows = self._find(name)
         kind = TYPES[self._list[rows[0]].type]
-        with core_errors():
+        with self.starting():
             values = self._core.get(rows)
         return kind(values[0]) if name in self.variables else np.array(values).astype(kind)
 
@@ -240,7 +242,7 @@ class Docking:
         with self._lock:
             self._keep_start()
             began = time.perf_counter()
-            with core_errors():
+            with self.starting():
                 self._core.step(h)
             self._steps, self._wall = self._steps + 1, self._wall + time.perf_counter() - began
             self._keep_warnings()
@@ -329,7 +331,7 @@ class Docking:
         with self._lock:
             began = time.perf_counter()
             self._keep_start()
-            with core_errors():
+            with self.starting():
                 self._core.start()
                 result = self._make_result(np.zeros((len(times), 1 + len(self._outputs))))
                 result.wall = {"load": time.perf_counter() - began}
@@ -356,6 +358,12 @@ class Docking:
             self._read_parameters(),
         )
 
+    @contextmanager
+    def starting(self) -> Iterator[None]:
+        """Let the errors of the core be those of this package, also those of a start."""
+        with blaming_start(self.scene.path, self.scene.texts), core_errors():
+            yield
+
     def _keep_start(self) -> None:
         """Before the first step: keep the state, from which a summary reads the first outputs."""
         if self._start is None:
@@ -363,7 +371,7 @@ class Docking:
 
     def _read_outputs(self, core: Any) -> np.ndarray:
         """Return the time and all outputs of a docking of the core, shape (1 + outputs,)."""
-        with core_errors():
+        with self.starting():
             core.start()
             return np.array([core.time, *core.get(self._outputs)], dtype=float)
 

@@ -19,7 +19,7 @@ from dockloop.base.paths import shown
 from dockloop.base.rotations import conjugate, make_symmetric, multiply, turn
 from dockloop.base.sections import FACTS, Section
 from dockloop.fmu.vehicle_reports import ReportLog, Row, VehicleFmu, read_log
-from dockloop.native.core import core_errors, name_choice
+from dockloop.native.core import name_choice
 from dockloop.native.variables import LOADS, MOTION, VEHICLES
 from dockloop.result.recording import list_points
 from dockloop.runs.docking import Docking, Scene
@@ -217,7 +217,7 @@ def _judge(
     if isinstance(host, ReportLog):
         for name, number in host.read_inputs().items():
             docking.set(name, number)
-    with core_errors():
+    with docking.starting():
         docking._core.start()  # what is set from here on are reports, no start values
     loads, sentence = _play(docking, host, times, mode)
     checks: list[Check] = []

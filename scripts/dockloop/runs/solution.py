@@ -14,7 +14,7 @@ from dockloop.base.files import json_kind, scratch
 from dockloop.native.compiled import find_compiled
 from dockloop.native.core import ask_program, to_json
 from dockloop.scene.find import find_scene
-from dockloop.scene.placement import read_placed
+from dockloop.scene.placement import blaming_start, read_placed
 
 FILE = json_kind("truth", "dockloop truth")
 
@@ -67,4 +67,5 @@ def make_solution(
         model = folder / "model.json"
         model.write_text(to_json(document), encoding="utf-8")
         (program,) = find_compiled(paths.COMPARE)
-        return ask_program(program, "truth", model, *options, source=source, progress=progress)
+        with blaming_start(source, overrides):
+            return ask_program(program, "truth", model, *options, source=source, progress=progress)

@@ -1,13 +1,13 @@
 """Where vehicles begin: the core places them, the scene holds the places."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 
-from dockloop.base import paths
-from dockloop.base.errors import warn
-from dockloop.native.core import place
+from dockloop.base.errors import UsageError
+from dockloop.native.core import core_errors, name_source, place, to_json
 from dockloop.native.variables import VEHICLES
 from dockloop.scene.resolve import SceneReader
 
@@ -48,6 +48,9 @@ def read_placed(
     overrides: Sequence[str] = (),
     reader: SceneReader | None = None,
     say: Callable[[str], None] | None = None,
+    given_by: Mapping[str, str] | None = None,
+    *,
+    starts: bool = False,
 ) -> dict:
     """Resolve a scene, and put the start states of both vehicles into the document.
 
@@ -56,31 +59,55 @@ def read_placed(
         overrides: ``KEY=VALUE`` texts, as given to ``--scene``.
         reader: of this scene, which has read its files.
         say: receives a warning; default: it is printed.
+        given_by: as for `SceneReader.resolve`.
+        starts: let a docking start, too: values that go together are checked there.
 
     Raises:
         UsageError: naming override or file, member, value and limit.
     """
-    reader = reader or SceneReader(path)
-    document = reader.resolve([*overrides])
-    with reader.blaming(overrides):
-        place_vehicles(document, path, say)
-    return document
+
+    def place_and_check(document: dict) -> str:
+        warning = find_placement(document, path)
+        with core_errors(path) as core:
+            docking = core.Docking(to_json(document), name_source(path))
+            if starts:
+                docking.start()
+        return warning
+
+    return (reader or SceneReader(path)).resolve(overrides, given_by, place_and_check, say)
 
 
-def place_vehicles(document: dict, source: Path, say: Callable[[str], None] | None = None) -> None:
+@contextmanager
+def blaming_start(path: Path, overrides: Sequence[str], label: str = "") -> Iterator[None]:
+    """Let a refusal to start begin with the override to blame, if the scene alone does not start.
+
+    Args:
+        path: the scene file.
+        overrides: ``KEY=VALUE`` texts, as given to ``--scene``.
+        label: with what the refusal begins, unless it begins with the file or with the member.
+    """
+    try:
+        yield
+    except UsageError as error:
+        try:
+            read_placed(path, overrides, say=lambda _: None, starts=True)
+        except UsageError as found:
+            said = str(error).removeprefix(label).removeprefix(f"{name_source(path)}: ")
+            if str(found).endswith(said):
+                raise found from None
+        raise
+
+
+def find_placement(document: dict, source: Path) -> str:
     """Put the start states of both vehicles into a document that states them at first contact.
 
     Args:
         document: a resolved scene, changed in place.
         source: the scene file, for messages.
-        say: receives a warning; default: it is printed.
+
+    Returns:
+        A warning, or an empty text.
     """
-    if warning := find_placement(document, source):
-        say(warning) if say else warn(f"{paths.shown(source)}: {warning}")
-
-
-def find_placement(document: dict, source: Path) -> str:
-    """Do the work of `place_vehicles`; returns a warning, or an empty text."""
     if document["initial"]["at"] != "first_contact":
         unused = _list_unused(document["initial"])
         verb = "have" if unused[1:] else "has"

@@ -19,19 +19,20 @@ import json
 import math
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, suppress
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
 from dockloop.base import schema
-from dockloop.base.errors import UsageError, did_you_mean
+from dockloop.base.errors import DockloopError, UsageError, did_you_mean, warn
 from dockloop.base.files import scratch
 from dockloop.base.number import as_number, is_number, read_number, read_whole
 from dockloop.base.paths import shown
 from dockloop.native.core import number_choice
 from dockloop.native.variables import NAMED_NUMBERS, VEHICLES, fits, match_names, say_matches
+from dockloop.scene.blame import find_guilty
 from dockloop.scene.find import find_mechanism, get_mechanism, read_mechanism, read_toml
 from dockloop.scene.patterns import expand_patterns
 from dockloop.scene.tables import list_files, put_force_tables, put_law_tables, read_inputs
@@ -151,68 +152,62 @@ class SceneReader:
         return [key for key in self.list_keys() if "*" in name and fits(key, name)]
 
     def resolve(
-        self, overrides: list[str] | tuple[str, ...] = (), given_by: str = "--scene"
+        self,
+        overrides: Sequence[str] = (),
+        given_by: Mapping[str, str] | None = None,
+        work: Callable[[dict], str] = lambda _: "",
+        say: Callable[[str], None] | None = None,
     ) -> dict:
         """Do the work of `resolve_scene`; documents of equal mechanisms share them.
 
-        Messages about an override begin with `given_by` and its text.
-        """
-        with self.blaming(overrides, given_by):
-            scene = without_nulls(self._scene)  # a copy: TOML has no nulls
-            changes: dict[tuple[str | int, ...], Any] = {}
-            for text in overrides:
-                changes |= apply_override(scene, text)
-            if found := self._checker.find_violation(scene, changes):
-                raise UsageError(f"{shown(self._path)}: {found.sentence}")
-            _number_choices(scene)
-            # Without mechanism it is a vehicle by itself, or two that pass through each other.
-            named = scene.get("mechanism")
-            text = json.dumps(
-                named and named | {"sequence": scene.get("sequence", {})}, default=str
-            )
-            mechanism = self._mechanism(text) if named else {"name": "none"}
-            return _resolve(scene, mechanism, self._path)
+        What is said of the document begins with the override to blame, if there is one.
 
-    @contextmanager
-    def blaming(self, overrides: Sequence[str], given_by: str = "--scene") -> Iterator[None]:
-        """Let messages about what an override has set begin with the override, not with the file.
+        Args:
+            overrides: ``KEY=VALUE`` texts.
+            given_by: of overrides that no ``--scene`` has given: with what messages begin.
+            work: what else is done to the document; returns a warning, or an empty text.
+            say: receives that; default: it is printed.
 
-        Such a message names the file, then the key: ``chaser.part[1].mass is ...``.
+        Raises:
+            UsageError: naming override or file, member, value and limit.
         """
-        try:
-            yield
-        except UsageError as error:
-            said = str(error)
-            if any(said.startswith(f"--scene {text}: ") for text in overrides):
-                raise UsageError(said.replace("--scene", given_by, 1)) from None
-            sentence = said.removeprefix(f"{shown(self._path)}: ")
-            words = [word.rstrip(":;,").strip("[]") for word in sentence.split()]
-            guilty = self._find_setter(words, overrides)
+
+        def try_with(texts: list[str]) -> str:
+            try:
+                return work(self._resolve(texts))
+            except DockloopError as error:
+                return str(error)
+
+        def blame(said: str) -> str:
+            guilty = find_guilty(overrides, try_with)
             if guilty is None:
-                raise
-            raise UsageError(f"{given_by} {guilty}: {sentence}") from None
+                return said
+            own = f"--scene {guilty}: "
+            begin = f"{given_by[guilty]}: " if given_by and guilty in given_by else own
+            return begin + said.removeprefix(f"{shown(self._path)}: ").removeprefix(own)
 
-    def _find_setter(self, words: list[str], overrides: Sequence[str]) -> str | None:
-        """Return the override that has set what the words of a message mean; first words first.
+        try:
+            document = self._resolve(overrides)
+            warning = work(document)
+        except UsageError as error:
+            raise UsageError(blame(str(error))) from None
+        if warning:
+            say(warning) if say else warn(blame(f"{shown(self._path)}: {warning}"))
+        return document
 
-        It has set all of it, or is the only reason for a section that the file lacks.
-        """
-        setters: list[tuple[str, list[str]]] = []
-        for text in reversed(overrides):  # the last one holds
-            with suppress(UsageError):
-                key = text.partition("=")[0].strip()
-                keys = _expand_key(without_nulls(self._scene), key, text)
-                setters += [(text, split_key(each)) for each in keys]
-        for word in words:
-            named = split_key(word.replace("[", ".").replace("]", ""))
-            is_new = find_member(self._scene, named) is None
-            for text, parts in setters:
-                both = zip(parts, named, strict=False)
-                if all(a == b or ("*" in a and fits(b, a)) for a, b in both) and (
-                    len(parts) <= len(named) or is_new
-                ):
-                    return text
-        return None
+    def _resolve(self, overrides: Sequence[str]) -> dict:
+        scene = without_nulls(self._scene)  # a copy: TOML has no nulls
+        changes: dict[tuple[str | int, ...], Any] = {}
+        for text in overrides:
+            changes |= apply_override(scene, text)
+        if found := self._checker.find_violation(scene, changes):
+            raise UsageError(f"{shown(self._path)}: {found.sentence}")
+        _number_choices(scene)
+        # Without mechanism it is a vehicle by itself, or two that pass through each other.
+        named = scene.get("mechanism")
+        text = json.dumps(named and named | {"sequence": scene.get("sequence", {})}, default=str)
+        mechanism = self._mechanism(text) if named else {"name": "none"}
+        return _resolve(scene, mechanism, self._path)
 
 
 def _number_choices(scene: dict) -> None:

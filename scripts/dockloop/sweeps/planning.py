@@ -3,7 +3,6 @@
 Names are checked once, against the members of scenes and the variables of the core.
 """
 
-import copy
 import hashlib
 import json
 from dataclasses import asdict, replace
@@ -37,7 +36,7 @@ from dockloop.result.run_errors import is_figure
 from dockloop.runs.assured import check_assurable, list_recorded
 from dockloop.runs.docking import run
 from dockloop.runs.outcome import Result
-from dockloop.scene.placement import NO_EFFECT, acts, find_placement
+from dockloop.scene.placement import NO_EFFECT, acts, read_placed
 from dockloop.scene.resolve import SceneReader, is_scene_key, scene_members
 from dockloop.scene.values import as_setting
 from dockloop.sweeps.cases import Job, list_case_points
@@ -79,12 +78,10 @@ class Planner:
         fixed = sweep.document["set"]
         self._reader = SceneReader(sweep.scene)
         like = self._reader.list_keys_like
-        texts = [as_setting(name, value) for n, value in fixed.items() for name in like(n)]
-        given_by = f"{shown(sweep.path)}: set" if sweep.path.suffix else "--scene"
-        self.unplaced = self._reader.resolve(texts, given_by)
-        self.base = copy.deepcopy(self.unplaced)
-        with self._reader.blaming(texts, given_by):
-            find_placement(self.base, sweep.scene)
+        pairs = ((name, n, value) for n, value in fixed.items() for name in like(n))
+        texts = {as_setting(name, value): sweep.name_setting(n) for name, n, value in pairs}
+        self.unplaced = self._reader.resolve([*texts], texts)
+        self.base = read_placed(sweep.scene, [*texts], self._reader, lambda _: None, texts)
         with core_errors() as core:
             docking = core.Docking(to_json(self.base), name_source(sweep.scene))
         self.variables = read_variables(docking)
@@ -340,7 +337,7 @@ class Planner:
 
     def _check_name(self, name: str, where: str, values: Any) -> None:
         """Check that there is something of this name that takes values of this kind."""
-        place = f"{shown(self._sweep.path)}: {where} '{name}'"
+        place = self._sweep.name_setting(name, where)
         if is_scene_key(name):
             if where.startswith("vary") and not acts(name, self.base):
                 raise UsageError(f"{place}: has {NO_EFFECT}")

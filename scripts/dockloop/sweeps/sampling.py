@@ -171,6 +171,10 @@ class Sweep:
     assured: bool = False
     form: str = ""
 
+    def name_setting(self, name: str, where: str = "set") -> str:
+        """Return with what messages about something that is set or varies begin."""
+        return f"{shown(self.path)}: {where} '{name}'"
+
     def complete(self, drawn: Iterable[Value]) -> tuple[Value, ...]:
         """Return the values of a case from those that the file varies."""
         return tuple(drawn) if self.passes is None else (*drawn, self.passes.accuracy)

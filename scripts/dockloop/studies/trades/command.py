@@ -15,7 +15,7 @@ from dockloop.native.compiled import add_comparison
 from dockloop.native.core import FULL, REFERENCE
 from dockloop.runs.docking import Scene
 from dockloop.scene.find import find_scene
-from dockloop.scene.resolve import resolve_scene
+from dockloop.scene.placement import read_placed
 from dockloop.scene.values import as_setting
 from dockloop.studies.trades import (
     Choice,
@@ -115,7 +115,7 @@ def make_choice(
 def make_bench(reference: str, overrides: Sequence[str], choice: Choice) -> Bench:
     """Return the FMU of a scene with all methods of the grid. Raises UsageError."""
     path = find_scene(reference)
-    model = resolve_scene(path, [*overrides]).get("model", {})
+    model = read_placed(path, overrides, say=lambda _: None, starts=True).get("model", {})
     if model.get("level") == REFERENCE:  # the grid has all levels; the FMU starts here
         overrides = [*overrides, f"model.level={FULL}"]
     with scratch() as temporary:
