@@ -14,7 +14,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from typing import Any, Protocol, TypedDict
 
-from dockloop.base.errors import UsageError, warn
+from dockloop.base.errors import DockloopError, UsageError, warn
 from dockloop.runs.outcome import Result
 from dockloop.sweeps.journal import Journal, Place
 from dockloop.sweeps.sampling import Value
@@ -80,6 +80,14 @@ class InTurn:
     def collect(self, future: Future) -> Result:
         """Return what became of a case."""
         return future.result()
+
+
+def explain_undone(results: Iterable[Result], what: str) -> DockloopError:
+    """Return the error of work without a case that is done: bad usage if all are refused."""
+    undone = [result for result in results if result.status != "done"]
+    is_refused = all(result.status == "refused" for result in undone)
+    kind = UsageError if is_refused else DockloopError
+    return kind(f"{what}: {undone[0].reason or undone[0].status}")
 
 
 class Campaign:

@@ -238,12 +238,15 @@ class Journal:
     def at_work(self, describe: Callable[[], str]) -> Iterator[None]:
         """Close the file after the work that fills it; Ctrl-C is reported as unfinished work.
 
+        The file goes if the work fails before any case is done.
+
         Args:
             describe: says what the file holds, such as ``3 of 8 cases``.
 
         Raises:
             InterruptedWorkError: by Ctrl-C.
         """
+        is_empty = False
         try:
             yield
         except KeyboardInterrupt:
@@ -251,8 +254,13 @@ class Journal:
                 f"interrupted with {describe()} in {shown(self.path)}; the same command with"
                 " --resume goes on"
             ) from None
+        except DockloopError:
+            is_empty = not any(result.status == "done" for result in self.known.values())
+            raise
         finally:
             self.close()
+            if is_empty:
+                self.path.unlink(missing_ok=True)
 
     def _lock(self, file: BinaryIO) -> None:
         try:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dockloop.base.errors import DockloopError, UsageError
+from dockloop.base.errors import UsageError
 from dockloop.studies.fits.problem import Problem
 from dockloop.studies.fits.statistics import Estimate, estimate
 
@@ -59,8 +59,7 @@ def plan(problem: Problem, own: Sequence[float | None]) -> Planned:
     trials = problem.list_trials()
     problem.run([problem.make_case(x, k) for k in trials])
     for k in trials:
-        if isinstance(run := problem.get_run(x, k), str):
-            raise DockloopError(f"test '{problem.trials[k].name}': {run}")
+        problem.require_run(x, k)
     problem.weigh(x, trials, is_robust=False)
     for series in problem.series:  # there are no data to take it from
         series.extent = float(np.ptp(problem.get_run(x, series.trial)[series.name]))

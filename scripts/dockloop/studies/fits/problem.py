@@ -15,7 +15,7 @@ an impact that no step resolves says nothing, but many of them make false valley
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -30,7 +30,7 @@ from dockloop.native.core import name_choice
 from dockloop.result.recording import Result as Recording
 from dockloop.studies.fits.trials import Trial
 from dockloop.studies.measured.overlay import check_overlap, find_shift
-from dockloop.sweeps.campaign import Campaign
+from dockloop.sweeps.campaign import Campaign, explain_undone
 from dockloop.sweeps.planning import Planner
 
 _FORESEEN = 0.3  # part of a change of a run that derivatives may miss, and go along
@@ -55,6 +55,12 @@ class Vary(NamedTuple):
     low: float
     high: float
     is_own: bool = False
+
+    @property
+    def option(self) -> str:
+        """The option as it may have been typed."""
+        option = "--vary-each" if self.is_own else "--vary"
+        return f"{option} {self.name} {self.low:g} {self.high:g}"
 
     def value(self, part: float) -> float:
         """Return the value at a part of the range."""
@@ -303,6 +309,19 @@ class Problem:
     def list_reasons(self) -> list[str]:
         """Return why runs were not done, one text for each."""
         return [run for run in self._runs.values() if isinstance(run, str)]
+
+    def explain_undone(self, what: str, cases: Iterable[tuple] | None = None) -> DockloopError:
+        """Return the error of a fit that needs runs, of some cases or any, that are not done."""
+        known = self._campaign.known
+        return explain_undone([known[case] for case in cases or self._runs], what)
+
+    def require_run(self, x: np.ndarray, trial: int) -> Recording:
+        """Return the run of a test. Raises DockloopError: it is not done."""
+        run = self.get_run(x, trial)
+        if isinstance(run, str):
+            what = f"test '{self.trials[trial].name}' cannot be run"
+            raise self.explain_undone(what, [self.make_case(x, trial)])
+        return run
 
     def get_run(self, x: np.ndarray, trial: int) -> Any:
         """Return the run of a test, or why there is none."""
@@ -599,9 +618,7 @@ class Problem:
         """
         parts: dict[str, list[tuple[Any, ...]]] = {}  # series, error, bend, inside
         for series in self.choose(trials):
-            run = self.get_run(x, series.trial)
-            if isinstance(run, str):
-                raise DockloopError(f"test '{self.trials[series.trial].name}': {run}")
+            run = self.require_run(x, series.trial)
             inside = self._find_inside(x, series, run)
             time = series.time + self.find_unknown(x, series, "shift")
             scale = abs(self.find_unknown(x, series, "scale"))

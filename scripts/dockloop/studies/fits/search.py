@@ -93,7 +93,7 @@ def find_fit(
 
     Raises:
         DockloopError: no start can be run.
-        UsageError: too few samples fall into the run.
+        UsageError: all starts are refused, or too few samples fall into the run.
     """
     fitted, held = problem.list_trials(), problem.list_trials(held=True)
     points = _list_starts(problem, own, starts, seed)
@@ -116,9 +116,7 @@ def find_fit(
         if best and not _is_doubtful(problem, *best):
             break
     if best is None:
-        raise lost or DockloopError(
-            f"no start can be run, for example: {problem.list_reasons()[0]}"
-        )
+        raise lost or problem.explain_undone("no start can be run, for example")
     problem.lengthen(ends)
     x = best[0]
     noise = problem.weigh(x, fitted, is_robust=loss != "linear")
