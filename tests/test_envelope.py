@@ -362,12 +362,16 @@ def test_a_search_without_any_docking_leaves_room_for_the_next(dockloop, tmp_pat
         )
 
     refused = search("31", "40")
-    assert refused.status == 1, refused
-    assert "no docking could be run, for example" in refused.err
+    assert refused.status == 2, refused
+    assert refused.err.endswith(
+        "dockloop: no docking could be run, for example: --x initial.pitch_yaw_deg 31 40:"
+        " initial.pitch_yaw_deg is 31.0: must be less than 30\n"
+    )
+    assert not list((tmp_path / "own").iterdir())
     found = search("0", "10")
     assert found.status == 0, found
     resumed = search("31", "40", "--resume")  # does not take the results above with it
-    assert resumed.status == 1, resumed
+    assert resumed.status == 2, resumed
     again = search("0", "10", "--resume", "--json")
     assert again.status == 0, again
     assert json.loads(again.out)["time"]["ran"] == 0

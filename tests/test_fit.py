@@ -697,3 +697,27 @@ def test_bad_input_is_refused_in_one_sentence(tmp_path, monkeypatch, change, wor
     assert "\n" not in str(error.value)
     for word in words:
         assert word in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (
+            ("rig.csv", "--vary", "chaser.mass", "-5", "-1"),
+            "no start can be run, for example: --vary chaser.mass -5 -1: chaser.mass is -3.0",
+        ),
+        (
+            ("rig.toml", "--vary", "chaser.mass", "1e4", "5e4", "--plan"),
+            "test 'rig' cannot be run: DATA: set 'target.mass': target.mass is -1: must be",
+        ),
+    ],
+)
+def test_a_fit_whose_starts_are_all_refused_leaves_nothing(dockloop, tmp_path, words, sentence):
+    write_rig(tmp_path / "rig.csv")
+    (tmp_path / "rig.toml").write_text(
+        '[[test]]\nname = "rig"\nset = {"target.mass" = -1}\n'
+        'noise = {"capture.compression" = 1.0}\n'
+    )
+    refused = dockloop("fit", "absorber_1d", *words, "-o", "own.json")
+    assert_refused(refused, f"dockloop: {sentence}")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["rig.csv", "rig.toml"]

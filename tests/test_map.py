@@ -256,7 +256,7 @@ def test_the_command_of_a_map_has_all_digits_and_texts(accuracy):
         (("--x", "solver.rtol", "0", "1e-2"), "must be above 0 on a logarithmic axis"),
         (
             ("--x", "solver.rtoll", "1e-9", "1e-2"),
-            "map: vary 'solver.rtoll': is neither a key",
+            "--x solver.rtoll 1e-09 0.01: is neither a key",
         ),
         (("--x", "solver.rtol", "1e-2", "1e-9"), "must be finite and ascend"),
         (("--error", "0"), "--error 0: must be greater than 0"),

@@ -651,6 +651,9 @@ def test_without_matplotlib_only_figures_are_missing(dockloop, tmp_path, monkeyp
         assert ".png" not in (tmp_path / "own" / "trade.md").read_text()
 
 
+AXES = "--x initial.closing_speed 0.05 0.1 --y chaser.mass 1e3 2e4"
+
+
 @pytest.mark.parametrize(
     ("order", "sentence"),
     [
@@ -682,6 +685,29 @@ def test_without_matplotlib_only_figures_are_missing(dockloop, tmp_path, monkeyp
             "linearise hexapod --at capture --scene chaser.inertia=[1,1,9,0,0,0]",
             "--scene chaser.inertia=[1, 1, 9, 0, 0, 0]: chaser.inertia has the principal moments",
         ),
+        *(
+            (f"{command} absorber_1d {axes} --set target.{text}", f"--set target.{text}: target.")
+            for command, axes in (
+                ("envelope", f"{AXES} --criterion captured"),
+                ("map", "--x solver.rtol 1e-6 1e-3 --y experiment.step 1e-3 1e-2"),
+                ("fit", "rig.csv --vary chaser.mass 1e3 2e3"),
+                ("review", ""),
+            )
+            for text in ("mass=-1", "inertia=[1,1,9,0,0,0]")
+            if (command, text) != ("review", "mass=-1")
+        ),
+        (
+            f"envelope absorber_1d {AXES} --criterion captured --set foo=1",
+            "--set foo=1: is neither a key of the scene nor a variable of its FMU",
+        ),
+        (
+            f"envelope absorber_1d {AXES} --criterion captured --accuracy 7",
+            "--accuracy 7: 'accuracy' = 7 is above its maximum 1",
+        ),
+        (
+            "fit absorber_1d rig.csv --vary chaser.mas 1e3 2e3",
+            "--vary chaser.mas 1000 2000: is neither a key of the scene",
+        ),
         (
             "ssp absorber_1d --scene chaser.motion=fixed",
             "--scene chaser.motion=fixed: scene 'absorber_1d': conditions at first contact need",
@@ -692,7 +718,8 @@ def test_without_matplotlib_only_figures_are_missing(dockloop, tmp_path, monkeyp
         ),
     ],
 )
-def test_messages_begin_with_the_option_as_it_was_typed(dockloop, order, sentence):
+def test_messages_begin_with_the_option_as_it_was_typed(dockloop, tmp_path, order, sentence):
+    (tmp_path / "rig.csv").write_text("time,capture.compression\n0,0\n1,20\n2,0\n")
     outcome = dockloop(*order.split())
     assert outcome.status == 2, outcome
     assert outcome.err.startswith(f"dockloop: {sentence}"), outcome

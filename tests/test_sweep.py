@@ -239,6 +239,42 @@ values = [50.0, 60.0]
     assert "--scene" in planner.make_command((50.0,), 1.0)
 
 
+@pytest.mark.parametrize(
+    ("more", "begin", "sentence"),
+    [
+        (
+            '[set]\n"chaser.inertia" = [1, 1, 9, 0, 0, 0]',
+            "mine.toml: set 'chaser.inertia'",
+            "chaser.inertia has the principal moments 1, 1 and 9 kg m2",
+        ),
+        (
+            '[set]\n"accuracy" = 7\n"target.mass" = 3e5',
+            "mine.toml: set 'accuracy'",
+            "'accuracy' = 7 is above its maximum 1",
+        ),
+        (
+            '[set]\n"initial.joints.foo.rate" = 1',
+            "mine.toml: set 'initial.joints.foo.rate'",
+            "initial.joints.foo: the mechanism has no body of that name",
+        ),
+    ],
+)
+def test_what_all_cases_share_is_tried_before_the_first(dockloop, tmp_path, more, begin, sentence):
+    write(tmp_path, vary(UNIFORM, 3, more))
+    for words in ((), ("--rare", "captured", "--rare-cases", "50")):
+        refused = dockloop("sweep", "mine.toml", "-o", "own.parquet", *words)
+        assert refused.status == 2, refused
+        assert refused.err.startswith(f"dockloop: {begin}: {sentence}"), refused
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.toml"]
+
+
+def test_what_cases_mend_is_no_reason_to_refuse_a_sweep(dockloop, tmp_path):
+    mended = 'type = "grid"\nname = "chaser.inertia.3"\nvalues = [1.5, 9.0]'
+    write(tmp_path, vary(mended, 1, '[set]\n"chaser.inertia" = [1, 1, 9, 0, 0, 0]'))
+    swept = dockloop("sweep", "mine.toml", "-o", "own.parquet", "--no-plots", "--json")
+    assert json.loads(swept.out)["status"] == {"done": 1, "refused": 1}, swept
+
+
 # ---------------------------------------------------------------- workers
 
 

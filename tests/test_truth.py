@@ -5,6 +5,7 @@ Digits beyond double are the subject of tests/unit/truth_test.cpp; here is what 
 
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -69,6 +70,9 @@ def test_what_cannot_be_done_is_refused_in_one_sentence():
         make_solution(
             "absorber_1d", ["gap"], overrides=["chaser.motion=driven"], stop=0.1, step=0.1
         )
+    bad = "chaser.inertia=[1,1,9,0,0,0]"
+    with pytest.raises(UsageError, match=rf"^--scene {re.escape(bad)}: chaser\.inertia has "):
+        make_solution("absorber_1d", ["gap"], overrides=[bad], stop=0.1, step=0.1)
     with pytest.raises(UsageError, match=r"--tolerance must be from"):
         make_solution("absorber_1d", ["gap"], stop=0.1, step=0.1, tolerance=1e-40)
     with pytest.raises(UsageError, match=r"chaser\.mass=heavy"):

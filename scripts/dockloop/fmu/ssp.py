@@ -107,12 +107,12 @@ def build_ssp(
     """
     source = find_scene(reference)
     reader = SceneReader(source)
-    reader.resolve(overrides, work=lambda each: _list_moving(each, source) and "")
+    reader.resolve(overrides, work=lambda document: _check(document, source))
     document = read_placed(source, overrides, reader)
     output = output or paths.RESULTS / "ssp" / f"{document['name']}.ssp"
     claim(output, PACKAGE)
     check_suffix(output, ".ssp")
-    documents = _split(document, _list_moving(document, source))
+    documents = _split(document)
     own = _read_vehicles(vehicles, names, documents, source)
     with scratch() as folder:
         archives = {name: vehicles.get(name, folder / f"{name}.fmu") for name in documents}
@@ -125,15 +125,19 @@ def build_ssp(
     return output
 
 
-def _list_moving(document: dict, source: Path) -> list[str]:
-    """Return the vehicles that get FMUs of their own. Raises UsageError: there is none."""
+def _list_moving(document: dict) -> list[str]:
+    """Return the vehicles that get FMUs of their own."""
+    return [v for v in VEHICLES if document.get(v, {"motion": "fixed"})["motion"] != "fixed"]
+
+
+def _check(document: dict, source: Path) -> None:
+    """Check that vehicles can be taken out. Raises UsageError."""
     if recorded := [v for v in VEHICLES if document.get(v, {}).get("motion") == "recorded"]:
         raise UsageError(
             f"{paths.shown(source)}: the {recorded[0]} follows a record, so no FMU can move it;"
             " leave its entries of [[input]] out"
         )
-    moving = [v for v in VEHICLES if document.get(v, {"motion": "fixed"})["motion"] != "fixed"]
-    if not moving:
+    if not _list_moving(document):
         raise UsageError(
             f"{paths.shown(source)}: no vehicle is free or driven, so there is nothing to connect;"
             " set chaser.motion or target.motion"
@@ -143,10 +147,9 @@ def _list_moving(document: dict, source: Path) -> list[str]:
             f"{paths.shown(source)}: has no [mechanism], so nothing acts between the vehicles;"
             " 'dockloop build' makes the FMU of a vehicle by itself"
         )
-    return moving
 
 
-def _split(document: dict, moving: list[str]) -> dict[str, dict]:
+def _split(document: dict) -> dict[str, dict]:
     """Return the documents of all FMUs: `docking` and the vehicles that move.
 
     A host may go through them in this order. In parallel mode the docking is the last, so that it
@@ -155,7 +158,7 @@ def _split(document: dict, moving: list[str]) -> dict[str, dict]:
     docking = copy.deepcopy(document)
     docking["coupling"] = {"mode": "parallel", **document.get("coupling", {})}
     documents = {}
-    for vehicle in moving:
+    for vehicle in _list_moving(document):
         docking[vehicle]["motion"] = "driven"
         documents[vehicle] = take_out(document, vehicle)
     if docking["coupling"]["mode"] == "sequential":

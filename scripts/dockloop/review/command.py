@@ -18,7 +18,7 @@ from dockloop.base import paths
 from dockloop.base.errors import UsageError
 from dockloop.base.figures import can_draw, save_figure
 from dockloop.base.files import MADE_BY, claim, figure_kind, json_kind
-from dockloop.base.number import check_whole, read_if_number
+from dockloop.base.number import check_whole
 from dockloop.base.progress import ProgressBar, import_optional
 from dockloop.base.sections import (
     FACTS,
@@ -46,7 +46,14 @@ from dockloop.studies.envelopes.band import read_draws
 from dockloop.studies.envelopes.command import Envelope, envelope
 from dockloop.studies.envelopes.report import report_envelope
 from dockloop.studies.envelopes.search import Axis, Order, check_tolerance, prepare_search
-from dockloop.sweeps.settings import Range, make_experiment, parse_range, parse_settings
+from dockloop.sweeps.settings import (
+    Range,
+    Settings,
+    give_accuracy,
+    make_experiment,
+    parse_range,
+    parse_settings,
+)
 
 COMMAND = "dockloop review"
 CRITERION = "captured and load_ratio < 1"
@@ -83,7 +90,7 @@ def run_command(options: argparse.Namespace) -> dict[str, Any]:
     overrides = parse_settings("--scene", options.overrides)
     settings = parse_settings("--set", options.set)
     if options.accuracy is not None:
-        settings["accuracy"] = read_if_number(options.accuracy)
+        settings = settings | give_accuracy(options.accuracy)
     more: dict[str, Any] = {"overrides": overrides, "start_values": settings}
     more |= {"stop": options.stop, "step": options.step}
     axes = _choose_axes(options, Scene(options.scene, overrides).document)
@@ -145,9 +152,7 @@ def _check_numbers(options: argparse.Namespace) -> None:
     check_tolerance(options.tolerance)
 
 
-def _check_boundary(
-    options: argparse.Namespace, axes: Sequence[Range], settings: dict[str, Any]
-) -> None:
+def _check_boundary(options: argparse.Namespace, axes: Sequence[Range], settings: Settings) -> None:
     """Check, before anything runs, what the boundary and the fit take. Raises UsageError."""
     draws = None if options.fitted is None else read_draws(options.fitted, options.cases, 0)
     if not axes:
@@ -162,7 +167,7 @@ def _check_boundary(
         options.scene,
         tuple(Axis(*axis) for axis in axes),
         tuple(options.criterion),
-        {name: value for name, value in settings.items() if name not in decided},
+        settings.without(decided),
         make_experiment(options.stop, options.step),
     )
     prepare_search(draws.put_values(order) if draws else order)

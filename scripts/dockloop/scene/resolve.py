@@ -155,7 +155,7 @@ class SceneReader:
         self,
         overrides: Sequence[str] = (),
         given_by: Mapping[str, str] | None = None,
-        work: Callable[[dict], str] = lambda _: "",
+        work: Callable[[dict], str | None] = lambda _: None,
         say: Callable[[str], None] | None = None,
     ) -> dict:
         """Do the work of `resolve_scene`; documents of equal mechanisms share them.
@@ -165,7 +165,7 @@ class SceneReader:
         Args:
             overrides: ``KEY=VALUE`` texts.
             given_by: of overrides that no ``--scene`` has given: with what messages begin.
-            work: what else is done to the document; returns a warning, or an empty text.
+            work: what else is done to the document; returns a warning, if there is one.
             say: receives that; default: it is printed.
 
         Raises:
@@ -174,7 +174,7 @@ class SceneReader:
 
         def try_with(texts: list[str]) -> str:
             try:
-                return work(self._resolve(texts))
+                return work(self._resolve(texts)) or ""
             except DockloopError as error:
                 return str(error)
 

@@ -5,6 +5,7 @@ Names are checked once, against the members of scenes and the variables of the c
 
 import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -36,6 +37,7 @@ from dockloop.result.run_errors import is_figure
 from dockloop.runs.assured import check_assurable, list_recorded
 from dockloop.runs.docking import run
 from dockloop.runs.outcome import Result
+from dockloop.scene.blame import find_guilty
 from dockloop.scene.placement import NO_EFFECT, acts, read_placed
 from dockloop.scene.resolve import SceneReader, is_scene_key, scene_members
 from dockloop.scene.values import as_setting
@@ -82,9 +84,7 @@ class Planner:
         texts = {as_setting(name, value): sweep.name_setting(n) for name, n, value in pairs}
         self.unplaced = self._reader.resolve([*texts], texts)
         self.base = read_placed(sweep.scene, [*texts], self._reader, lambda _: None, texts)
-        with core_errors() as core:
-            docking = core.Docking(to_json(self.base), name_source(sweep.scene))
-        self.variables = read_variables(docking)
+        self.variables = read_variables(self._make_docking(self.base))
         libraries = {name: _hash(file.read_bytes()) for name, file in find_libraries().items()}
         self.model_digest = _hash(json.dumps([self.base, libraries]).encode())
         for name, value in fixed.items():
@@ -95,6 +95,7 @@ class Planner:
         self.quantities = [self.with_unit(quantity) for quantity in sweep.quantities]
         self.quantities = [self._convert(quantity) for quantity in self.quantities]
         self.varied = self.quantities[: -1 if sweep.passes else None]
+        self._check_shared()
         self.outcomes = self._find_outcomes()
         self.histories = self._find_histories()
         self.assured: tuple[str, ...] | None = None
@@ -155,14 +156,42 @@ class Planner:
     def check_assured(self) -> None:
         """Check with the first case that cases can be assured. Raises UsageError."""
         try:
-            document, starts = self.resolve(self._sweep.cases[0])
-            with core_errors() as core:
-                place = name_source(self._sweep.scene)
-                docking = core.Docking(to_json(document), place, place=True)
-                docking.set(docking.find(list(starts)), [float(v) for v in starts.values()])
+            docking = self._start(self.list_settings(self._sweep.cases[0]))
         except DockloopError:  # becomes the result of this case
             return
         check_assurable(self.list_outputs(), lambda name: docking.get(docking.find([name]))[0])
+
+    def _check_shared(self) -> None:
+        """Refuse what no docking starts with and all cases share: first and last say the same."""
+        fixed = self._sweep.document["set"]
+
+        def refuse(settings: Mapping[str, Any]) -> str:
+            try:
+                self._start(settings)
+            except DockloopError as error:
+                return str(error) if isinstance(error, UsageError) else ""
+            return ""
+
+        said, cases = refuse(self._expand(fixed)), self._sweep.cases
+        if said and all(said == refuse(self.list_settings(cases[row])) for row in (0, -1)):
+            guilty = find_guilty(
+                [*fixed], lambda names: refuse(self._expand({name: fixed[name] for name in names}))
+            )
+            scene = shown(self._sweep.scene)
+            raise UsageError(f"{self._sweep.name_setting(guilty) if guilty else scene}: {said}")
+
+    def _start(self, settings: Mapping[str, Any]) -> Any:
+        """Return a docking of the core that has started. Raises DockloopError."""
+        document, starts = self._resolve(settings)
+        docking = self._make_docking(document, place=True)
+        with core_errors():
+            docking.set(docking.find([*starts]), [float(value) for value in starts.values()])
+            docking.start()
+        return docking
+
+    def _make_docking(self, document: dict, **how: bool) -> Any:
+        with core_errors() as core:
+            return core.Docking(to_json(document), name_source(self._sweep.scene), **how)
 
     def collect_like(self, outcomes: list[str]) -> None:
         """Collect what a journal holds, if that has all that is asked for."""
@@ -181,10 +210,15 @@ class Planner:
         Raises:
             UsageError: the scene refuses these values.
         """
-        keys, starts = self.split_settings(values)
-        scene = [as_setting(name, value) for name, value in keys.items()]
+        return self._resolve(self.list_settings(values))
+
+    def _resolve(self, settings: Mapping[str, Any]) -> tuple[dict, dict[str, Any]]:
+        keys, starts = _split(settings)
+        scene = {as_setting(name, value): name for name, value in keys.items()}
+        given_by = self._sweep.given_by
+        begins = {text: given_by[name] for text, name in scene.items() if name in given_by}
         try:
-            return self._reader.resolve(scene), self._as_types(starts)
+            return self._reader.resolve([*scene], begins), self._as_types(starts)
         except UsageError as error:
             raise UsageError(
                 str(error).replace(shown(self._sweep.scene), self._sweep.scene.name)
@@ -226,15 +260,14 @@ class Planner:
         settings = dict(self._sweep.document["set"])
         for quantity, value in zip(self.quantities, values, strict=True):
             settings |= quantity.settings(value)
+        return self._expand(settings)
+
+    def _expand(self, settings: Mapping[str, Any]) -> dict[str, Any]:
         return {each: value for name, value in settings.items() for each in self._match(name)}
 
     def split_settings(self, values: tuple[Value, ...]) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the scene keys of `list_settings`, and its start values."""
-        keys: dict[str, Any] = {}
-        starts: dict[str, Any] = {}
-        for name, value in self.list_settings(values).items():
-            (keys if is_scene_key(name) else starts)[name] = value
-        return keys, starts
+        return _split(self.list_settings(values))
 
     def _find_step(self, keys: dict[str, Any]) -> float:
         """Return the communication step of a case with these keys of the scene [s]."""
@@ -248,8 +281,7 @@ class Planner:
         if name not in self._matches:
             settable = [n for n, v in self.variables.items() if v.start is not None]
             known = dict.fromkeys([*self._reader.list_keys(), *settable])
-            place = f"{shown(self._sweep.path)}: '{name}'"
-            self._matches[name] = match_names(name, known, place)
+            self._matches[name] = match_names(name, known, self._sweep.name_setting(name))
         return self._matches[name]
 
     def _check_decided_once(self) -> None:
@@ -442,6 +474,12 @@ class Planner:
                 )
             found |= dict.fromkeys(meant)
         return list(found)
+
+
+def _split(settings: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return keys of the scene and start values."""
+    keys = {name: value for name, value in settings.items() if is_scene_key(name)}
+    return keys, {name: value for name, value in settings.items() if name not in keys}
 
 
 def _hash(content: bytes) -> str:

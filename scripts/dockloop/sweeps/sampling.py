@@ -159,6 +159,7 @@ class Sweep:
         passes: at which accuracy cases run; None: as file and scene say.
         assured: each case is repeated until its figures are within the accuracy.
         form: how the table of cases was read; empty: there is none, or nothing to say.
+        given_by: of what options set and vary: with what messages about it begin, by name.
     """
 
     path: Path
@@ -170,10 +171,12 @@ class Sweep:
     passes: Passes | None = None
     assured: bool = False
     form: str = ""
+    given_by: Mapping[str, str] = field(default_factory=dict)
 
-    def name_setting(self, name: str, where: str = "set") -> str:
+    def name_setting(self, name: str, where: str = "") -> str:
         """Return with what messages about something that is set or varies begin."""
-        return f"{shown(self.path)}: {where} '{name}'"
+        where = where or ("set" if name in self.document["set"] else "vary")
+        return self.given_by.get(name) or f"{shown(self.path)}: {where} '{name}'"
 
     def complete(self, drawn: Iterable[Value]) -> tuple[Value, ...]:
         """Return the values of a case from those that the file varies."""

@@ -1,7 +1,7 @@
 """What a user states next to the scene: settings, ranges, an experiment; from options or Python."""
 
 import argparse
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +9,32 @@ from dockloop.base.errors import UsageError
 from dockloop.base.number import check_number, read_if_number, read_number, to_plain
 from dockloop.runs.docking import Scene
 from dockloop.scene.resolve import parse_value
+from dockloop.scene.values import as_setting
 
 Range = tuple[str, float, float]  # name, low, high
+
+
+class Settings(dict[str, Any]):
+    """Values by name.
+
+    Attributes:
+        given_by: with what messages about them begin, by name: the option as it was typed.
+    """
+
+    def __init__(
+        self, values: Mapping[str, Any] | None = None, given_by: Mapping[str, str] | None = None
+    ) -> None:
+        super().__init__(values or {})
+        self.given_by = dict(given_by or {})
+
+    def __or__(self, other: Any) -> "Settings":  # type: ignore[override]  # narrower
+        """Return these and others, which hold where both have a name."""
+        kept = {name: begin for name, begin in self.given_by.items() if name not in other}
+        return Settings({**self, **other}, kept | getattr(other, "given_by", {}))
+
+    def without(self, names: Collection[str]) -> "Settings":
+        """Return those of other names."""
+        return Settings({n: v for n, v in self.items() if n not in names}, self.given_by)
 
 
 def parse_setting(option: str, text: str) -> tuple[str, Any]:
@@ -21,17 +45,25 @@ def parse_setting(option: str, text: str) -> tuple[str, Any]:
     return name, parse_value(value)
 
 
-def parse_settings(option: str, texts: Iterable[str]) -> dict[str, Any]:
+def parse_settings(option: str, texts: Iterable[str]) -> Settings:
     """Return values by name. Raises UsageError like `parse_setting`."""
-    return dict(parse_setting(option, text) for text in texts)
+    parsed = {text: parse_setting(option, text) for text in texts}
+    begins = {name: f"{option} {text}" for text, (name, _) in parsed.items()}
+    return Settings(dict(parsed.values()), begins)
 
 
-def read_settings(options: argparse.Namespace) -> dict[str, Any]:
+def read_settings(options: argparse.Namespace) -> Settings:
     """Return what ``--scene``, ``--set`` and ``--accuracy`` set, by name."""
     settings = parse_settings("--scene", options.overrides) | parse_settings("--set", options.set)
     if options.accuracy is not None:
-        settings["accuracy"] = read_if_number(options.accuracy)
+        return settings | give_accuracy(options.accuracy)
     return settings
+
+
+def give_accuracy(accuracy: float | str) -> Settings:
+    """Return what ``--accuracy`` sets."""
+    value = read_if_number(accuracy) if isinstance(accuracy, str) else accuracy
+    return Settings({"accuracy": value}, {"accuracy": f"--accuracy {accuracy}"})
 
 
 def parse_range(option: str, given: Sequence[str]) -> Range:
@@ -53,15 +85,21 @@ def make_experiment(stop: float | None, step: float | None) -> dict[str, float]:
 
 
 def name_scene(
-    scene: str | Path | Scene | Mapping[str, Any], *settings: Mapping[str, Any] | None
-) -> tuple[str, dict[str, Any]]:
+    scene: str | Path | Scene | Mapping[str, Any],
+    overrides: Mapping[str, Any] | None,
+    start_values: Mapping[str, Any] | None,
+) -> tuple[str, Settings]:
     """Return name or path of a scene, and its overrides together with these settings."""
     if isinstance(scene, Mapping):
         scene = Scene(scene)
-    merged: dict[str, Any] = {}
+    given = [("--scene", overrides), ("--set", start_values)]
     if isinstance(scene, Scene):
-        merged |= scene.overrides
+        given.insert(0, ("--scene", scene.overrides))
         scene = scene.reference
-    for members in settings:
-        merged |= to_plain(members or {})
+    merged = Settings()
+    for option, members in given:
+        values = to_plain(members or {})
+        merged = merged | Settings(
+            values, {n: f"{option} {as_setting(n, v)}" for n, v in values.items()}
+        )
     return str(scene), merged

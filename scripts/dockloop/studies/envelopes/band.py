@@ -1,6 +1,6 @@
 """How uncertain a boundary is: the same search with parameters drawn from a fit."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
@@ -14,6 +14,7 @@ from dockloop.studies.envelopes.search import Order, Progress, Search, find_enve
 from dockloop.sweeps.campaign import How
 from dockloop.sweeps.fitted import draw_fitted, read_fitted
 from dockloop.sweeps.sampling import sample_cube
+from dockloop.sweeps.settings import Settings
 
 _RASTER = {2: 32, 3: 8}  # cells along an axis of the table
 
@@ -27,7 +28,7 @@ class Draws:
         drawn: the same parameters with their covariance, one for each search.
     """
 
-    values: Mapping[str, float]
+    values: Settings
     drawn: list[dict[str, float]]
 
     def put_values(self, order: Order) -> Order:
@@ -37,7 +38,7 @@ class Draws:
             raise UsageError(
                 f"--from: has '{both[0]}', which --x, --y, --z or --set decide already"
             )
-        return replace(order, settings={**order.settings, **self.values})
+        return replace(order, settings=order.settings | self.values)
 
 
 def read_draws(file: str | Path, count: Any, seed: int) -> Draws:
@@ -56,7 +57,8 @@ def read_draws(file: str | Path, count: Any, seed: int) -> Draws:
     names = numbers["names"]
     cube = sample_cube("latin_hypercube", count, len(names), seed)
     drawn = [dict(zip(names, row, strict=True)) for row in draw_fitted(numbers, cube).tolist()]
-    return Draws(dict(zip(names, numbers["values"], strict=True)), drawn)
+    values = dict(zip(names, numbers["values"], strict=True))
+    return Draws(Settings(values, dict.fromkeys(names, f"--from {file}")), drawn)
 
 
 def find_band(
@@ -85,7 +87,8 @@ def find_band(
                 which = f"draw {part[0]} of {len(draws.drawn)}, {note}"
                 progress(part[1] + done, part[1] + total, which)
 
-        one = replace(order, settings={**order.settings, **values})
+        own = Settings(values, draws.values.given_by)
+        one = replace(order, settings=order.settings | own)
         found.append(find_envelope(one, name_journal(number), progress=report, **how))
     return found
 

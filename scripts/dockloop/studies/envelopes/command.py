@@ -24,6 +24,7 @@ from dockloop.sweeps.campaign import How, read_how
 from dockloop.sweeps.journal import keeps_results
 from dockloop.sweeps.settings import (
     Range,
+    give_accuracy,
     make_experiment,
     name_scene,
     parse_range,
@@ -123,8 +124,9 @@ def envelope(
     """
     pd = import_optional("pandas")
     ranges = [axis for axis in (x, y, z) if axis is not None]
-    wanted = {} if accuracy is None else {"accuracy": accuracy}
-    reference, settings = name_scene(scene, overrides, start_values, wanted)
+    reference, settings = name_scene(scene, overrides, start_values)
+    if accuracy is not None:
+        settings = settings | give_accuracy(accuracy)
     order = Order(
         reference,
         _make_axes(ranges, log),

@@ -8,24 +8,25 @@ its cell is refined like all others.
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, suppress
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, Unpack
 
 import numpy as np
 
-from dockloop.base.errors import DockloopError, UsageError
+from dockloop.base.errors import UsageError
 from dockloop.base.number import check_number, check_whole
 from dockloop.result.criteria import Criterion
 from dockloop.runs.outcome import Result
 from dockloop.scene.find import find_scene
 from dockloop.studies.envelopes.mesh import Bracket, Class, Mesh, Point
-from dockloop.sweeps.campaign import Campaign, Executor, How
+from dockloop.sweeps.campaign import Campaign, Executor, How, explain_undone
 from dockloop.sweeps.executors import open_executor
 from dockloop.sweeps.journal import Journal, find_outcomes, make_digest
 from dockloop.sweeps.planning import Planner
 from dockloop.sweeps.sampling import Cases, Sweep, list_quantities
+from dockloop.sweeps.settings import Settings
 
 COMMAND = "dockloop envelope"
 WORK = "envelope"
@@ -82,7 +83,7 @@ class Order:
     scene: str
     axes: tuple[Axis, ...]
     criteria: tuple[str, ...]
-    settings: Mapping[str, Any] = field(default_factory=dict)
+    settings: Settings = field(default_factory=Settings)
     experiment: Mapping[str, float] = field(default_factory=dict)
     tolerance: float | None = None
     coarse: int | None = None
@@ -173,7 +174,7 @@ def find_envelope(
         how: see `How`; criteria, ranges and tolerance of a journal that goes on may be others.
 
     Raises:
-        UsageError: a name, range, criterion or the journal is bad.
+        UsageError: a name, range, criterion or the journal is bad, or all dockings are refused.
         DockloopError: no docking could be run, or the engine failed.
         InterruptedWorkError: by Ctrl-C.
     """
@@ -194,14 +195,10 @@ def find_envelope(
     with campaign.at_work():
         _refine(search, campaign, progress, "refining")
         _check(search, campaign, progress)
+        if not any(result.status == "done" for result in search.runs.values()):
+            raise explain_undone(search.runs.values(), "no docking could be run, for example")
         kept.finish()
     search.ran, search.wall = campaign.ran, campaign.wall
-    if not any(result.status == "done" for result in search.runs.values()):
-        if len(kept.known) == len(search.runs):  # nothing of an earlier search is there
-            with suppress(OSError):
-                journal.unlink()
-        reason = next(result.reason for result in search.runs.values())
-        raise DockloopError(f"no docking could be run, for example: {reason}")
     return search
 
 
@@ -225,7 +222,7 @@ def prepare_search(order: Order, judge: Judge | None = None) -> Search:
     if not order.criteria and judge is None:
         raise UsageError('--criterion: at least one is needed, for example "captured within 5 s"')
     for letter, axis in zip("xyz", order.axes, strict=False):
-        _check_axis(f"--{letter} {axis.name}", axis)
+        _check_axis(_name_axis(letter, axis), axis)
     names = [axis.name for axis in order.axes]
     for number, name in enumerate(names):
         if name in names[:number] or name in order.settings:
@@ -250,14 +247,17 @@ def check_tolerance(tolerance: float) -> None:
         raise UsageError(f"--tolerance {tolerance:g}: must be {FINEST:g} to 0.25 (of the range)")
 
 
+def _name_axis(letter: str, axis: Axis) -> str:
+    """Return the option of a quantity as it may have been typed."""
+    return f"--{letter} {axis.name} {axis.low:g} {axis.high:g}"
+
+
 def _check_axis(place: str, axis: Axis) -> None:
     """Check a range."""
     if not (math.isfinite(axis.low) and math.isfinite(axis.high) and axis.low < axis.high):
-        raise UsageError(f"{place} {axis.low:g} {axis.high:g}: must be finite and ascend")
+        raise UsageError(f"{place}: must be finite and ascend")
     if axis.is_log and axis.low <= 0.0:
-        raise UsageError(
-            f"{place} {axis.low:g} {axis.high:g}: must be above 0 on a logarithmic axis"
-        )
+        raise UsageError(f"{place}: must be above 0 on a logarithmic axis")
 
 
 def _make_sweep(order: Order, work: str) -> Sweep:
@@ -272,8 +272,11 @@ def _make_sweep(order: Order, work: str) -> Sweep:
     }
     ends = np.array([[axis.low, axis.high] for axis in order.axes]).T
     scene, quantities = find_scene(order.scene), list_quantities(document)
-    cases = Cases(vary, ends)
-    return Sweep(Path(work), "", scene, document, quantities, cases, assured=order.assured)
+    axes = {pair[1].name: _name_axis(*pair) for pair in zip("xyz", order.axes, strict=False)}
+    return Sweep(
+        Path(work), "", scene, document, quantities, Cases(vary, ends),
+        assured=order.assured, given_by=order.settings.given_by | axes,
+    )  # fmt: skip
 
 
 def _refine(search: Search, campaign: Campaign, progress: Progress | None, note: str) -> None:

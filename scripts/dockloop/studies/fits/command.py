@@ -35,7 +35,13 @@ from dockloop.studies.fits.problem import Sensors, Vary
 from dockloop.studies.fits.trials import Trial, list_trials
 from dockloop.sweeps.campaign import read_how
 from dockloop.sweeps.journal import journal_kind, keeps_results
-from dockloop.sweeps.settings import make_experiment, name_scene, parse_range, parse_settings
+from dockloop.sweeps.settings import (
+    Settings,
+    make_experiment,
+    name_scene,
+    parse_range,
+    parse_settings,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -289,7 +295,7 @@ def _as_names(names: str | Sequence[str]) -> tuple[str, ...]:
     return (names,) if isinstance(names, str) else tuple(names)
 
 
-def _choose_accuracy(settings: dict[str, Any], accuracy: float | None) -> dict[str, Any]:
+def _choose_accuracy(settings: Settings, accuracy: float | None) -> Settings:
     """Return the settings with the accuracy. Raises UsageError: it is given twice."""
     given = [name for name in ("accuracy", "solver.accuracy") if name in settings]
     if len(given) + (accuracy is not None) > 1:

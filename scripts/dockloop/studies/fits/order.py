@@ -28,10 +28,12 @@ from dockloop.sweeps.fitted import draw_fitted, make_numbers
 from dockloop.sweeps.journal import Journal, make_digest
 from dockloop.sweeps.planning import Planner
 from dockloop.sweeps.sampling import Cases, Sweep, list_quantities
+from dockloop.sweeps.settings import Settings
 
 WORK = "fit"
 _TEST = "test"  # the column of the names of tests
 _STOP = "experiment.stop"
+_LATE = [1e6, 2e6]  # s: stops that any scene can have
 _MOST_POINTS = 20_000  # of a run
 _FINER = 0.1  # of a step, where sensors have a limited rate
 _MOST_CASES = 100_000
@@ -61,7 +63,7 @@ class Order:
     scene: str
     data: Sequence[Any]
     vary: Sequence[Vary]
-    settings: Mapping[str, Any] = field(default_factory=dict)
+    settings: Settings = field(default_factory=Settings)
     experiment: Mapping[str, float] = field(default_factory=dict)
     columns: Sequence[str] = ()
     form: str = ""
@@ -178,9 +180,7 @@ def _check(order: Order) -> None:
     names = [vary.name for vary in order.vary]
     for vary in order.vary:
         if not -np.inf < vary.low < vary.high < np.inf:
-            raise UsageError(
-                f"--vary {vary.name} {vary.low:g} {vary.high:g}: must be finite and ascend"
-            )
+            raise UsageError(f"{vary.option}: must be finite and ascend")
         if names.count(vary.name) > 1 or vary.name in order.settings:
             raise UsageError(f"--vary {vary.name}: this quantity is given twice")
     accuracy = as_number(order.settings["accuracy"])
@@ -237,11 +237,14 @@ def _make_sweep(order: Order, trials: Sequence[Trial]) -> Sweep:
     }
     ends = [[v.low, v.high] for v in order.vary]
     if _is_open(order, trials):
-        vary.append({"type": "uniform", "name": _STOP, "range": [0.0, 1.0]})  # cases say it
-        ends.append([0.0, 1.0])
+        vary.append({"type": "uniform", "name": _STOP, "range": _LATE})  # cases say it
+        ends.append(_LATE)
     quantities = list_quantities(document)
     scene = find_scene(order.scene)
-    return Sweep(Path(WORK), "", scene, document, quantities, Cases(vary, np.array(ends).T))
+    given_by = order.settings.given_by | {v.name: v.option for v in order.vary}
+    given_by |= {name: f"DATA: set '{name}'" for t in trials for name in t.settings}
+    cases = Cases(vary, np.array(ends).T)
+    return Sweep(Path(WORK), "", scene, document, quantities, cases, given_by=given_by)
 
 
 def _is_open(order: Order, trials: Sequence[Trial]) -> bool:
