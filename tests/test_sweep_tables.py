@@ -469,7 +469,8 @@ def test_names_with_a_star_mean_keys_of_the_scene_as_well():
         for tolerance, axial in zip(table["solver.*tol"], table["relative.axial"], strict=True):
             alone = dl.run("absorber_1d", {"solver.rtol": tolerance}, stop=3.0, step=1.0)
             assert alone["relative.axial"][-1] == axial
-    with pytest.raises(dl.UsageError, match=r"varies 'solver\.rtol', which set decides already"):
+    sentence = r"varies 'solver\.rtol', which set 'solver\.rtol' decides already"
+    with pytest.raises(dl.UsageError, match=sentence):
         dl.sweep({**sweep, "set": {"solver.rtol": 1e-5}})
 
 

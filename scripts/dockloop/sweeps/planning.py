@@ -290,21 +290,19 @@ class Planner:
         for given in self._sweep.document["set"]:
             for name in self._match(given):
                 if name in owners:
-                    raise UsageError(
-                        f"{shown(self._sweep.path)}: set decides '{name}' twice, by '{given}', too"
-                    )
-                owners[name] = "set"
+                    begin = self._sweep.name_setting(given)
+                    raise UsageError(f"{begin}: '{name}' is given twice, by {owners[name]} too")
+                owners[name] = self._sweep.given_by.get(given, f"set '{given}'")
         for number, quantity in enumerate(self._sweep.quantities):
             values = self._sweep.cases.list_examples(number)
             decided = {name: "" for value in values for name in quantity.settings(value)}
             for name in {each: "" for given in decided for each in self._match(given)}:
-                where = f"vary '{quantity.name}'"
                 if name in owners:
+                    begin = self._sweep.name_setting(quantity.name)
                     raise UsageError(
-                        f"{shown(self._sweep.path)}: {where} varies '{name}', which {owners[name]}"
-                        " decides already"
+                        f"{begin}: varies '{name}', which {owners[name]} decides already"
                     )
-                owners[name] = where
+                owners[name] = self._sweep.given_by.get(quantity.name, f"vary '{quantity.name}'")
 
     def list_not_seen(self) -> list[str]:
         """Return sentences on what the cases do not see: they end before their scene does."""
