@@ -1,4 +1,5 @@
-// Legs, nodes, plates and columns in four lanes; compiled for AVX2 and run only where the processor has it.
+// Legs, nodes, plates and columns in four lanes; compiled for AVX2, run only where the processor
+// has it.
 #define LANES 4
 #define FUNCTIONS kAvx2Functions
 #define NAME "4 lanes, AVX2"

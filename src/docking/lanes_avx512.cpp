@@ -1,4 +1,5 @@
-// Legs, nodes, plates and columns in eight lanes; compiled for AVX-512, run only where the processor has it.
+// Legs, nodes, plates and columns in eight lanes; compiled for AVX-512, run only where the
+// processor has it.
 #define LANES 8
 #define FUNCTIONS kAvx512Functions
 #define NAME "8 lanes, AVX-512"

@@ -1,5 +1,5 @@
-// Legs, nodes, plates and columns in the lanes that every processor of the platform has, and the choice of
-// wider ones.
+// Legs, nodes, plates and columns in the lanes that every processor of the platform has, and the
+// choice of wider ones.
 #define LANES 2
 #define FUNCTIONS kBaseFunctions
 #define NAME "2 lanes"

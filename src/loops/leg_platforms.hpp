@@ -121,8 +121,8 @@ struct GearData {
   bool on_root = false;      ///< then it is a part of the GearTrain, else of its leg (legs::kSpin)
   S inertia = S(0);          ///< about its axis [kg m2]
   Vec3<S> axis;              ///< R; of gears on tube or rod: E
-  double factor = 1.0;      ///< of its own joint in its coupling
-  std::vector<User> users;  ///< later gears whose couplings name this one, the last one first
+  double factor = 1.0;       ///< of its own joint in its coupling
+  std::vector<User> users;   ///< later gears whose couplings name this one, the last one first
   // Loads
   S torque = S(0);  ///< of forces and loads on its joint [N m]
   Wrench<S> load;   ///< from outside, passed on to the carrier; about its origin, base axes

@@ -1,10 +1,14 @@
 // Cholesky factors of small matrices against Eigen's.
 // 1. factor, solution of several columns and of a leading block, sizes with and without loops of
 //    their own;
-// 2. a matrix that is not positive definite is reported, wherever the bad pivot is.
+// 2. a matrix that is not positive definite is reported, wherever the bad pivot is;
+// 3. factors, solutions and weighted sums have the same bits in SIMD lanes of every width.
 #include "math/small_cholesky.hpp"
 
 #include <gtest/gtest.h>
+
+#include <algorithm>
+#include <vector>
 
 #include "unit/test_helpers.hpp"
 
@@ -61,6 +65,59 @@ TEST_P(SmallCholeskySize, tells_what_is_not_positive) {
     A(bad, bad) = -A(bad, bad);
     own.compute(A);
     EXPECT_EQ(own.info(), Eigen::NumericalIssue) << bad;
+  }
+}
+
+TEST(Columns, have_the_same_bits_for_every_width) {
+  TestRandom random(63);
+  const auto draw = [&](int count) {
+    std::vector<double> numbers(static_cast<size_t>(count));
+    for (double& number : numbers) number = random.uniform(-1, 1);
+    return numbers;
+  };
+  const auto find = [](int widest, const auto& put, int count) {
+    std::vector<double> found(static_cast<size_t>(count), 0.0);
+    put(columns::find_column_functions(widest), found.data());
+    return found;
+  };
+  for (int trial = 0; trial < 100; ++trial) {
+    const MatX<double> A = make_positive(random, 12), B = make_positive(random, 6);
+    const std::vector<double> right = draw(12), base = draw(24), stages = draw(7 * 24);
+    const std::vector<double> weight = draw(7);
+    const double h = random.uniform(1e-3, 1.0);
+    SmallCholesky factor(12);
+    factor.compute(A);
+    const auto factorise_12 = [&](const auto& of, double* L) {
+      EXPECT_TRUE(of.factorise_12(A.data(), L));
+    };
+    const auto factorise_6 = [&](const auto& of, double* L) {
+      EXPECT_TRUE(of.factorise_6(B.data(), L));
+    };
+    const auto solve_12 = [&](const auto& of, double* x) {
+      std::copy(right.begin(), right.end(), x);
+      of.solve_12(factor.matrixLLT().data(), x);
+    };
+    const auto add_up = [&](const auto& of, double* sum) {
+      of.add_up(weight.data(), stages.data(), 7, 24, h, base.data(), sum);
+    };
+    for (const int widest : {4, 8}) {
+      ASSERT_EQ(find(widest, solve_12, 12), find(2, solve_12, 12));
+      ASSERT_EQ(find(widest, add_up, 24), find(2, add_up, 24));
+      const auto are_same = [&](const auto& put, int n) {
+        const auto lower = [&](int lanes) {
+          const std::vector<double> L = find(lanes, put, n * n);
+          return MatX<double>(
+              Eigen::Map<const MatX<double>>(L.data(), n, n).triangularView<Eigen::Lower>());
+        };
+        return lower(widest) == lower(2);
+      };
+      ASSERT_TRUE(are_same(factorise_12, 12) && are_same(factorise_6, 6));
+    }
+    for (size_t i = 0; i < 24; ++i) {
+      double sum = 0.0;
+      for (size_t j = 0; j < 7; ++j) sum += weight[j] * stages[24 * j + i];
+      ASSERT_EQ(find(8, add_up, 24)[i], base[i] + h * sum);
+    }
   }
 }
 
