@@ -285,11 +285,6 @@ void set_mechanism(DockingModel& model, const Mechanism& mechanism);
 /// Mechanism coordinates and velocities from the tree into the state.
 void get_mechanism_state(const DockingModel& model, const TreeData<double>& tree, double* y);
 
-/// Positions and velocities at one state, without forces.
-template <class S>
-Status calc_motion(const DockingModel& model, const DiscreteState& discrete, S t, const S* y,
-                   DockingData<S>& data, Need need = Need::kState);
-
 /// Kinematics, forces and (if ydot is not null) rates at one state.
 /// @param t  [s] since start
 /// @param need  Need::kRates: ydot and what event functions read; else also all of the functions

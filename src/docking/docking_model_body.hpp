@@ -455,27 +455,18 @@ void put_rates(const DockingModel& model, const ExternalLoads<S>& loads, const S
 }  // namespace
 
 template <class S>
-Status calc_motion(const DockingModel& model, const DiscreteState& discrete, S t, const S* y,
-                   DockingData<S>& data, Need need) {
+Status calc_docking(const DockingModel& model, const DiscreteState& discrete,
+                    const ContactMemory& memory, const ExternalLoads<S>& loads, S t, const S* y,
+                    S* ydot, DockingData<S>& data, Need need) {
   for (int i : {kChaser, kTarget}) {
     if (model.record[i] < 0) continue;
     const size_t k = static_cast<size_t>(model.record[i]);
     data.recorded[i] = find_recorded_motion(model.inputs[k], discrete.input_row[k], t);
   }
-  const Status status = calc_target_kinematics(model, y, data);
-  if (!status.ok()) return status;
-  if (!data.locked) return calc_kinematics(model, t, y, need, data);
-  calc_locked_kinematics(model, y, data);
-  return {};
-}
-
-template <class S>
-Status calc_docking(const DockingModel& model, const DiscreteState& discrete,
-                    const ContactMemory& memory, const ExternalLoads<S>& loads, S t, const S* y,
-                    S* ydot, DockingData<S>& data, Need need) {
-  Status status = calc_motion(model, discrete, t, y, data, need);
+  Status status = calc_target_kinematics(model, y, data);
   if (!status.ok()) return status;
   if (data.locked) {
+    calc_locked_kinematics(model, y, data);
     const bool is_joined = data.locked->has_target;
     if (is_joined && need == Need::kRates) {
       calc_joined_loads(model, discrete, loads, t, data);
@@ -485,7 +476,8 @@ Status calc_docking(const DockingModel& model, const DiscreteState& discrete,
     if (is_joined) rest_bristles(model, ydot, data);
     if (!status.ok()) return status;
   } else {
-    status = calc_loads(model, discrete, memory, loads, t, y, ydot, data);
+    status = calc_kinematics(model, t, y, need, data);
+    if (status.ok()) status = calc_loads(model, discrete, memory, loads, t, y, ydot, data);
     if (!status.ok()) return status;
     calc_acceleration(model.mechanism, data.base, data.mechanism);
   }
@@ -604,8 +596,6 @@ void calc_vehicle_rates(const DockingModel& model, const ExternalLoads<S>& loads
                                       DockingData<S>&);                                            \
   template struct TargetData<S>;                                                                   \
   template struct DockingData<S>;                                                                  \
-  template Status calc_motion<S>(const DockingModel&, const DiscreteState&, S, const S*,           \
-                                 DockingData<S>&, Need);                                           \
   template Status calc_docking<S>(const DockingModel&, const DiscreteState&, const ContactMemory&, \
                                   const ExternalLoads<S>&, S, const S*, S*, DockingData<S>&,       \
                                   Need);                                                           \

@@ -110,20 +110,10 @@ Status Evaluator::at_trial(double tau, const double* y, double* ydot) {
   return status;
 }
 
-/// `trial` is about to be used for another purpose.
-void Evaluator::disturb_trial() {
+Status Evaluator::aside(double tau, const double* y, double* ydot, Need need) {
   if (key_.at == trial_.get()) forget();
   forget_trial();
-}
-
-Status Evaluator::aside(double tau, const double* y, double* ydot, Need need) {
-  disturb_trial();
   return calc(tau, y, ydot, need, *trial_);
-}
-
-Status Evaluator::motion_aside(double tau, const double* y) {
-  disturb_trial();
-  return calc_motion<double>(*model_, state_.discrete, state_.elapsed + tau, y, *trial_);
 }
 
 Status Evaluator::calc_jacobian(double tau, const double* y) {

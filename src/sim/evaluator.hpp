@@ -71,8 +71,6 @@ class Evaluator {
   Status at_trial(double tau, const double* y, double* ydot);
   /// Everything, into `trial`, without a key: for other purposes than the integration.
   Status aside(double tau, const double* y, double* ydot, Need need = Need::kState);
-  /// Positions and velocities only.
-  Status motion_aside(double tau, const double* y);
   /// Derivatives of the rates. @pre reserve_jacobian(); aside() at this state
   Status calc_jacobian(double tau, const double* y);
   const MatX<double>& jacobian() const { return jacobian_; }
@@ -124,7 +122,6 @@ class Evaluator {
   bool is_complete_at_key(double tau, const double* y) const;
   void set_key(const DockingData<double>* at, double tau, const double* y, bool has_rates);
   Status calc(double tau, const double* y, double* ydot, Need need, DockingData<double>& data);
-  void disturb_trial();
 
   std::shared_ptr<const DockingModel> model_;
   const SimState& state_;

@@ -89,32 +89,13 @@ void StepLoop::start_ahead() {
 bool StepLoop::show_point(double t) {
   hide_point();
   if (!stepper_->interpolate(t, y_inside_.data()) || !balance(t).ok()) return false;
-  // Forces out of balance make the energy worse, not better: what is good before need not be
-  // evaluated again, unless the host will read it.
-  if (is_good_before_ && !will_be_read_) {
-    if (!evaluator_.motion_aside(t, y_shown_.data()).ok()) return false;
-  } else {
-    const Status status = evaluate_shown(t);
-    if (!status.ok() || !(is_good_before_ || is_good_inside(y_shown_))) return false;
-    evaluator_.keep_trial();
-  }
+  if (!evaluator_.aside(t, y_shown_.data(), nullptr).ok()) return false;
+  const EnergyBalance found = balances_.find_energy(*model_, evaluator_.trial(), y_shown_.data());
+  if (!balances_.is_good_inside(found, inner_.energy)) return false;
   ahead_.end_point = find_coupling_point(*model_, evaluator_.trial(), y_shown_.data());
+  evaluator_.keep_trial();
   is_shown_ = true;
   return true;
-}
-
-/// Has a state inside the step just made the energy of its end? @pre evaluation aside
-bool StepLoop::is_good_inside(const std::vector<double>& y) const {
-  const EnergyBalance found = balances_.find_energy(*model_, evaluator_.trial(), y.data());
-  return balances_.is_good_inside(found, inner_.energy);
-}
-
-Status StepLoop::evaluate_shown(double t) {
-  const Status status = evaluator_.aside(t, y_shown_.data(), nullptr);
-  if (status.ok() || !is_good_before_) return status;
-  // The state before can be evaluated: it has been.
-  y_shown_ = y_inside_;
-  return evaluator_.aside(t, y_shown_.data(), nullptr);
 }
 
 /// The communication point has moved.
@@ -186,15 +167,12 @@ Status StepLoop::settle() {
 /// The state to be read at t inside the step just made, from the polynomial of the method. Linearly
 /// implicit steps are long where forces are stiff: where the rates differ from the slope of
 /// the polynomial, these forces are not in balance. One linearly implicit step of no length, with
-/// the matrix of the step just made, restores the balance and keeps momentum.
-/// @post y_shown_, is_good_before_
+/// the matrix of the step just made, restores the balance and keeps momentum. @post y_shown_
 Status StepLoop::balance(double t) {
   y_shown_ = y_inside_;
-  is_good_before_ = false;
   if (!method_.has_matrix() || !stepper_->find_slope(t, slope_.data())) return {};
   const Status status = evaluator_.aside(t, y_inside_.data(), scratch_.data());
   if (!status.ok()) return status;
-  is_good_before_ = is_good_inside(y_inside_);
   for (size_t i = 0; i < scratch_.size(); ++i) scratch_[i] -= slope_[i];
   evaluator_.matrix().solve(scratch_.data());
   for (size_t i = 0; i < scratch_.size(); ++i) y_shown_[i] += scratch_[i];

@@ -412,7 +412,8 @@ void StepLoop::search_peaks(double from, double to) {
     evaluator_.count(1);
     if (!evaluator_.aside(t, scratch_.data(), nullptr).ok()) return false;
     value = find_peak_values(*model_, rated_, evaluator_.trial());
-    return is_good_inside(scratch_);
+    const EnergyBalance found = balances_.find_energy(*model_, evaluator_.trial(), scratch_.data());
+    return balances_.is_good_inside(found, inner_.energy);
   };
   const double middle = 0.5 * (from + to);
   if (!evaluate(middle)) return;

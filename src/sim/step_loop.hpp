@@ -147,10 +147,6 @@ class StepLoop {
   bool is_balanced() const { return is_shown_ || !is_pending(); }
   /// Compute point_y(). @post the loads are those of the pending step
   Status balance_point();
-  /// Evaluate point_y() aside, with the present loads. @pre is_balanced()
-  Status evaluate_shown(double t);
-  /// The host reads each communication point, as a rule: results do not depend on it.
-  void expect_reading(bool will_be_read) { will_be_read_ = will_be_read; }
 
   // Work
 
@@ -215,7 +211,6 @@ class StepLoop {
   Status begin_ahead(double tau, double h, bool is_evaluated);
   void start_ahead();
   bool show_point(double t);
-  bool is_good_inside(const std::vector<double>& y) const;
   Status balance(double t);
   Status stay_pending(double point);
   void hide_point();
@@ -246,8 +241,6 @@ class StepLoop {
   /// At a communication point inside a pending step: interpolated, and as it is read.
   std::vector<double> y_inside_, y_shown_;
   bool is_shown_ = false;                ///< y_shown_ is valid
-  bool is_good_before_ = false;          ///< y_inside_ was evaluated and has the energy of the end
-  bool will_be_read_ = false;
   LoopReference<double> accepted_pose_;  ///< while a pending step is made again
   std::vector<double> scratch_, slope_;  ///< size of y
 };

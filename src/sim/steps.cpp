@@ -148,7 +148,6 @@ std::string DockingSim::Impl::find_step_fault(double t, double h) const {
 Status DockingSim::Impl::step(double t, double h) {
   status_text.clear();
   const double late = find_lateness(t);
-  step_loop->expect_reading(std::find(valid.begin(), valid.end(), true) != valid.end());
   read_inputs();
   const bool is_commanded = events->sequence().is_new(inputs.command) || is_hard_dock_command_new();
   bool goes_on = !is_commanded && step_loop->can_go_on(late, h);
@@ -327,7 +326,7 @@ Status DockingSim::Impl::evaluate_point(bool may_lock) {
   // With other inputs nothing is kept: they may be set back before the next reading.
   const bool is_of_step = !loads.are_sloped() && are_same(loads.at_start(), ahead.loads);
   if (is_of_step && evaluator->is_trial_kept()) return {};
-  const Status found = step_loop->evaluate_shown(ahead.reached);
+  const Status found = evaluator->aside(ahead.reached, step_loop->point_y(), nullptr);
   if (is_of_step && found.ok()) evaluator->keep_trial();
   return found;
 }
