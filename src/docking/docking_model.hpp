@@ -96,7 +96,7 @@ struct LockedMechanism {
   VehicleBody joined;        ///< `whole` and the target
 };
 
-/// What acts along a leg besides its own joint force, with factors.
+/// Elements and couplings that act along a leg together with its own joint force.
 struct LegLoads {
   struct Term {
     int index;  ///< of the element or loop

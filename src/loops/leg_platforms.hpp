@@ -182,10 +182,6 @@ template <class S>
 Status calc_leg_positions(const MechanismModel& model, const LoopPlan& plan, TreeData<S>& tree,
                           LoopData<S>& loops);
 
-/// reference.reach. @pre the rest of loops.reference
-template <class S>
-void keep_leg_reach(const LoopPlan& plan, LoopData<S>& loops);
-
 /// Coordinates of all joints of legs and gears. @pre calc_leg_positions
 template <class S>
 void calc_leg_coordinates(const MechanismModel& model, TreeData<S>& tree, LoopData<S>& loops);

@@ -205,30 +205,6 @@ Status calc_leg_positions(const MechanismModel& model, const LoopPlan& plan, Tre
 }
 
 template <class S>
-void keep_leg_reach(const LoopPlan& plan, LoopData<S>& loops) {
-  constexpr double kRounding = 1e-9;
-  LoopReference<S>& reference = loops.reference;
-  for (size_t n = 0; n < loops.platform.size(); ++n) {
-    double& least = reference.reach[n];
-    least = std::numeric_limits<double>::infinity();
-    for (const LegPlace& leg : loops.platform[n].legs) {
-      const size_t b = static_cast<size_t>(leg.block);
-      const LoopBlock& block = plan.blocks[b];
-      const double margin = reference.margin[b];
-      for (int i = 0; i < 3; ++i) {
-        double row = 0.0;
-        for (int j = 0; j < reference.H[b].cols(); ++j) {
-          row += to_double(reference.H[b](i, j)) * to_double(reference.H[b](i, j));
-        }
-        const double reach =
-            (1.0 - kRounding) * margin * block.dep_scale[i] / (2.0 * std::sqrt(row));
-        least = std::min(least, margin < kNearSingular ? 0.0 : reach);
-      }
-    }
-  }
-}
-
-template <class S>
 void calc_leg_coordinates(const MechanismModel& model, TreeData<S>& tree, LoopData<S>& loops) {
   if (std::exchange(loops.has_leg_coordinates, true)) return;
   const LoopReference<S>& reference = loops.reference;
@@ -626,8 +602,7 @@ void put_leg_accelerations(const LoopPlan& plan, VecX<S>& vdot, LoopData<S>& loo
 
 template <class S>
 void add_leg_loads(const LoopPlan& plan, const BaseMotion<S>& base, int base_body,
-                   const VecX<S>& vdot, TreeData<S>& tree, LoopData<S>& loops,
-                   Wrench<S>& on_base) {
+                   const VecX<S>& vdot, TreeData<S>& tree, LoopData<S>& loops, Wrench<S>& on_base) {
   for (size_t n = 0; n < plan.platforms.size(); ++n) {
     const LegPlatform& platform = plan.platforms[n];
     PlatformData<S>& at = loops.platform[n];
@@ -674,7 +649,6 @@ namespace dockloop {
   template struct PlatformData<S>;                                                                \
   template Status calc_leg_positions<S>(const MechanismModel&, const LoopPlan&, TreeData<S>&,     \
                                         LoopData<S>&);                                            \
-  template void keep_leg_reach<S>(const LoopPlan&, LoopData<S>&);                                 \
   template void calc_leg_coordinates<S>(const MechanismModel&, TreeData<S>&, LoopData<S>&);       \
   template void calc_leg_poses<S>(const MechanismModel&, TreeData<S>&, LoopData<S>&);             \
   template void calc_leg_maps<S>(LoopData<S>&);                                                   \

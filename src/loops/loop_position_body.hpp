@@ -334,6 +334,35 @@ void calc_leg_cuts(const MechanismModel& model, const LoopPlan& plan, const Tree
   }
 }
 
+namespace {
+
+/// reference.reach. @pre the rest of loops.reference
+template <class S>
+void keep_leg_reach(const LoopPlan& plan, LoopData<S>& loops) {
+  constexpr double kRounding = 1e-9;
+  LoopReference<S>& reference = loops.reference;
+  for (size_t n = 0; n < loops.platform.size(); ++n) {
+    double& least = reference.reach[n];
+    least = std::numeric_limits<double>::infinity();
+    for (const LegPlace& leg : loops.platform[n].legs) {
+      const size_t b = static_cast<size_t>(leg.block);
+      const LoopBlock& block = plan.blocks[b];
+      const double margin = reference.margin[b];
+      for (int i = 0; i < 3; ++i) {
+        double row = 0.0;
+        for (int j = 0; j < reference.H[b].cols(); ++j) {
+          row += to_double(reference.H[b](i, j)) * to_double(reference.H[b](i, j));
+        }
+        const double reach =
+            (1.0 - kRounding) * margin * block.dep_scale[i] / (2.0 * std::sqrt(row));
+        least = std::min(least, margin < kNearSingular ? 0.0 : reach);
+      }
+    }
+  }
+}
+
+}  // namespace
+
 template <class S>
 void keep_reference(const MechanismModel& model, const LoopPlan& plan, TreeData<S>& tree,
                     LoopData<S>& loops) {
