@@ -162,7 +162,9 @@ def test_unknown_names_are_refused_with_near_matches(dockloop):
 )
 def test_a_start_of_a_joint_that_cannot_have_one_is_refused_by_build(dockloop, joint, words):
     outcome = dockloop("build", "hexapod_bench", "--scene", f"initial.joints.{joint}.rate=1")
-    assert_refused(outcome, f"--scene initial.joints.{joint}.rate=1: ", *words, "no joint of this mechanism")
+    assert_refused(
+        outcome, f"--scene initial.joints.{joint}.rate=1: ", *words, "no joint of this mechanism"
+    )
 
 
 def test_a_start_of_a_joint_that_a_coupling_determines_is_refused_with_its_name(dockloop):

@@ -188,6 +188,7 @@ class Journal:
                 self._file, is_new = path.open("r+b"), False
         except OSError as error:
             raise cannot_write(path, error) from None
+        self._is_new = is_new
         try:
             self._lock(self._file)
             if is_new:
@@ -238,7 +239,7 @@ class Journal:
     def at_work(self, describe: Callable[[], str]) -> Iterator[None]:
         """Close the file after the work that fills it; Ctrl-C is reported as unfinished work.
 
-        The file goes if the work fails before any case is done.
+        A file that this work has begun goes if all its cases are refused.
 
         Args:
             describe: says what the file holds, such as ``3 of 8 cases``.
@@ -246,7 +247,7 @@ class Journal:
         Raises:
             InterruptedWorkError: by Ctrl-C.
         """
-        is_empty = False
+        is_vain = False
         try:
             yield
         except KeyboardInterrupt:
@@ -254,12 +255,12 @@ class Journal:
                 f"interrupted with {describe()} in {shown(self.path)}; the same command with"
                 " --resume goes on"
             ) from None
-        except DockloopError:
-            is_empty = not any(result.status == "done" for result in self.known.values())
+        except UsageError:
+            is_vain = self._is_new and all(r.status == "refused" for r in self.known.values())
             raise
         finally:
             self.close()
-            if is_empty:
+            if is_vain:
                 self.path.unlink(missing_ok=True)
 
     def _lock(self, file: BinaryIO) -> None:
