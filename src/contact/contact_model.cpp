@@ -141,7 +141,8 @@ double update_contact_memory(const ContactModel& model, const HardwareMotion<dou
   memory.closed = work.closed;
   memory.n_last.resize(count, {});
   const char* const all = memory.closed.data();
-  const auto find_closed = [&](int from) {  // few pairs are
+  const auto find_closed = [&](int from) {  // faster than to look at each pair: few are closed
+    if (from == count) return count;
     const void* at = std::memchr(all + from, 1, static_cast<size_t>(count - from));
     return at ? static_cast<int>(static_cast<const char*>(at) - all) : count;
   };

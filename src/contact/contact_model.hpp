@@ -219,7 +219,7 @@ struct ContactMemory {
   std::vector<NeighbourList> lists;  ///< per body; empty before the first accepted step
   unsigned origins = 0;              ///< list origins of all pairs that were made
   std::vector<char> closed;          ///< per pair, 1 if in contact at the last accepted step
-  /// Unit normal of every closed pair, axes of G. Of a type whose copies are moved as bytes.
+  /// Unit normal of every closed pair, axes of G. Arrays are copied as bytes, vectors one by one.
   std::vector<std::array<double, 3>> n_last;
   Acting absorber = Acting::kByState;
 

@@ -114,12 +114,6 @@ DockingData<S>::DockingData(const DockingModel& model)
   bristle_rate.setZero(model.layout.bristle_count);
   contact_bodies.resize(model.contact.bodies.size() - 1);
   relative.others.resize(contact_bodies.size());
-  const MechanismModel& tree = model.mechanism.model;
-  const std::vector<int>& legs = model.mechanism.plan.leg_bodies;
-  const auto is_leg = [&](int body) { return std::binary_search(legs.begin(), legs.end(), body); };
-  mechanism.tree.may_load_legs =
-      is_leg(tree.capture_body) ||
-      std::any_of(tree.contact_bodies.begin(), tree.contact_bodies.end(), is_leg);
 }
 
 template <class S>
@@ -331,10 +325,9 @@ void calc_outside_loads(const DockingModel& model, const DiscreteState& discrete
   MechanismData<S>& mechanism = data.mechanism;
   const Vec3<S> gravity = model.falling ? Vec3<S>(Vec3<S>::Zero()) : loads.gravity;
   data.base.gravity = gravity;
+  // Bodies with surfaces are no parts of legs on platforms (loops/platform_plan.cpp).
+  mechanism.tree.may_load_legs = false;
   for (int i : model.mechanism.plan.tree_bodies) mechanism.tree.external[i] = Wrench<S>();
-  if (mechanism.tree.may_load_legs) {
-    for (int i : model.mechanism.plan.leg_bodies) mechanism.tree.external[i] = Wrench<S>();
-  }
   const int capture_body = model.mechanism.model.capture_body;
   if (capture_body != kBase && !data.locked) {
     Wrench<S>& load = mechanism.tree.external[capture_body];

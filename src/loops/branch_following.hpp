@@ -56,30 +56,26 @@ Vec3<S> find_leg_target(const ClosedForm& form, const Loop& loop, const LoopPath
   return cast<S>(form.in_parent.R).transpose() * (L - cast<S>(form.in_parent.p));
 }
 
-/// Put the coordinate of a solved joint into the tree.
+/// How far joint i of a solved leg has turned; a slide has not.
 template <class S>
-void put_coordinate(const MechanismModel& model, const JointMap& joint, const LegSolution<S>& leg,
-                    size_t i, const LoopReference<S>& reference, TreeData<S>& tree) {
-  const Body& body = model.bodies[joint.body];
-  S& q = tree.q[body.q_index];
-  if (body.joint == JointType::kPrismatic) {
-    q = leg.slide;
-    return;
-  }
-  S c, s;
-  find_joint_angle<S>(joint, leg.c[i], leg.s[i], c, s);
-  q = find_angle<S>(c, s, reference.valid ? S(reference.q[body.q_index]) : q);
-}
-
-/// And its pose. @pre put_coordinate()
-template <class S>
-void put_pose(const MechanismModel& model, const JointMap& joint, const LegSolution<S>& leg,
-              size_t i, TreeData<S>& tree) {
-  S c(1), s(0);
-  if (model.bodies[joint.body].joint != JointType::kPrismatic) {
+struct JointTurn {
+  JointTurn(const MechanismModel& model, const JointMap& joint, const LegSolution<S>& leg,
+            size_t i) {
+    if (model.bodies[joint.body].joint == JointType::kPrismatic) return;
     find_joint_angle<S>(joint, leg.c[i], leg.s[i], c, s);
   }
-  calc_joint_pose(model, joint.body, c, s, tree);
+  S c = S(1), s = S(0);
+};
+
+/// Put the coordinate of a solved joint into the tree.
+template <class S>
+void put_coordinate(const MechanismModel& model, const JointMap& joint, const JointTurn<S>& turn,
+                    const S& slide, const LoopReference<S>& reference, TreeData<S>& tree) {
+  const Body& body = model.bodies[joint.body];
+  S& q = tree.q[body.q_index];
+  q = body.joint == JointType::kPrismatic
+          ? slide
+          : find_angle<S>(turn.c, turn.s, reference.valid ? S(reference.q[body.q_index]) : q);
 }
 
 /// Does H continue the one of the reference pose? Only asked when det C_dep has changed its sign:

@@ -215,7 +215,9 @@ void calc_leg_coordinates(const MechanismModel& model, TreeData<S>& tree, LoopDa
       for (int i = 0; i < 3; ++i) {
         solved.c[i] = at.store.work(leg, legs::kTurns + 2 * i);
         solved.s[i] = at.store.work(leg, legs::kTurns + 2 * i + 1);
-        put_coordinate(model, leg.form.joint[i], solved, static_cast<size_t>(i), reference, tree);
+        const JointMap& joint = leg.form.joint[i];
+        const JointTurn<S> turn(model, joint, solved, static_cast<size_t>(i));
+        put_coordinate(model, joint, turn, solved.slide, reference, tree);
       }
     }
     for (const GearData<S>& gear : at.gears) put_gear_coordinate(at, gear, tree);
@@ -229,7 +231,10 @@ void calc_leg_poses(const MechanismModel& model, TreeData<S>& tree, LoopData<S>&
   for (const PlatformData<S>& at : loops.platform) {
     for (const LegPlace& leg : at.legs) {
       const LegSolution<S>& solved = loops.block[leg.block].leg;
-      for (size_t i = 0; i < 3; ++i) put_pose(model, leg.form.joint[i], solved, i, tree);
+      for (size_t i = 0; i < 3; ++i) {
+        const JointTurn<S> turn(model, leg.form.joint[i], solved, i);
+        calc_joint_pose(model, leg.form.joint[i].body, turn.c, turn.s, tree);
+      }
     }
     for (const GearData<S>& gear : at.gears) calc_joint_pose(model, gear.body, tree);
   }

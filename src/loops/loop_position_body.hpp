@@ -94,8 +94,9 @@ Status solve_by_formula(const MechanismModel& model, const LoopPlan& plan, const
   data.leg = solve_leg<S>(form.kind, form.shape, data.branch, L);
   if (data.leg.code != StatusCode::kOk) return {data.leg.code, k, 0.0, 0.0};
   for (size_t i = 0; i < form.joint.size(); ++i) {
-    put_coordinate(model, form.joint[i], data.leg, i, reference, tree);
-    put_pose(model, form.joint[i], data.leg, i, tree);
+    const JointTurn<S> turn(model, form.joint[i], data.leg, i);
+    put_coordinate(model, form.joint[i], turn, data.leg.slide, reference, tree);
+    calc_joint_pose(model, form.joint[i].body, turn.c, turn.s, tree);
   }
   data.margin = data.leg.margin;
   if (!form.spin) return {};

@@ -1,8 +1,6 @@
 // Columns of numbers in SIMD lanes; see column_lanes.hpp. Compiled once per instruction set.
 #pragma once
 
-#include <array>
-
 #include "math/column_lanes.hpp"
 #include "math/lane_arithmetic.hpp"
 
@@ -31,13 +29,20 @@ void add_up(const double* weight, const double* columns, int count, int length, 
   }
 }
 
-/// Columns W = L D^(1/2) of the factor, and the reciprocals of D, one after another: no operation
-/// waits for a square root. Whole registers, so that all loops have constant bounds.
+/// A column of N numbers in whole registers.
 template <int N>
-struct Elimination {
+struct Column {
   static constexpr int kWide = N % 4 == 0 && LANES >= 4 ? 4 : 2, kParts = N / kWide;
   static_assert(N % kWide == 0);
   typedef double Part __attribute__((vector_size(8 * kWide)));
+};
+
+/// Columns W = L D^(1/2) of the factor, and the reciprocals of D, one after another: no operation
+/// waits for a square root. Whole registers, so that all loops have constant bounds.
+template <int N>
+struct Elimination : Column<N> {
+  using Column<N>::kWide, Column<N>::kParts;
+  using Part = typename Column<N>::Part;
   Part W[N][kParts];
   double inverse[N];
 
@@ -87,8 +92,8 @@ bool factorise(const double* A, double* L) {
 /// off in the order of the rows.
 template <int N>
 void solve(const double* L, double* x) {
-  constexpr int kWide = LANES >= 4 ? 4 : 2, kParts = N / kWide;
-  typedef double Part __attribute__((vector_size(8 * kWide)));
+  constexpr int kWide = Column<N>::kWide, kParts = Column<N>::kParts;
+  using Part = typename Column<N>::Part;
   Part rest[kParts], column;
   double inverse[N], y[N];
   for (int j = 0; j < N; ++j) inverse[j] = 1.0 / L[N * j + j];
