@@ -22,6 +22,7 @@ from conftest import SCENES
 from dockloop.base import paths
 from dockloop.base.errors import DockloopError
 from dockloop.scene.mechanism import check_mechanism
+from dockloop.sweeps.settings import parse_settings
 from test_outputs import snapshot
 
 GARBAGE = random.Random(1).randbytes(3000)
@@ -728,3 +729,9 @@ def test_messages_begin_with_the_option_as_it_was_typed(dockloop, tmp_path, orde
 def test_a_start_value_that_a_later_one_replaces_is_not_looked_at(dockloop):
     settings = ("--set", "chaser.mass=-4", "--set", "chaser.mass=2e3")
     assert dockloop("run", "absorber_1d", *settings, "--stop", "0.1", "--no-plots").status == 0
+
+
+def test_the_last_setting_of_a_name_holds_and_is_named():
+    settings = parse_settings("--set", ["a=1", "b=2", "a=3", "a=1"])
+    assert settings == {"a": 1, "b": 2}
+    assert settings.given_by == {"a": "--set a=1", "b": "--set b=2"}

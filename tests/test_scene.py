@@ -291,8 +291,9 @@ def test_two_faults_are_blamed_each_on_its_own_override():
     refused, other = "chaser.mass=-1", "target.mass=-1"
     with pytest.raises(UsageError, match=f"^--scene {refused}: chaser.mass is -1"):
         resolve_scene(find_scene("hexapod"), [refused, other])
-    with pytest.raises(UsageError, match=r"^--scene c\*\.mass=-1: chaser.mass is -1"):
-        resolve_scene(find_scene("hexapod"), [refused, "c*.mass=-1"])
+    for overrides in ([refused, "c*.mass=-1"], [refused, "c*.mass=-1", "experiment.stop=9"]):
+        with pytest.raises(UsageError, match=r"^--scene c\*\.mass=-1: chaser.mass is -1"):
+            resolve_scene(find_scene("hexapod"), overrides)
 
 
 def test_a_bad_mechanism_file_is_refused_with_the_path_of_the_member(tmp_path):

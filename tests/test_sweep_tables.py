@@ -86,7 +86,7 @@ BAD_NAMES = {
     ),
     "name": (
         'type = "grid"\nname = "model.flight"\nvalues = ["restin"]',
-        "vary 'model.flight' is 'restin': must be one of resting, integrated (did you mean",
+        "vary 'model.flight': is 'restin': must be one of resting, integrated (did you mean",
     ),
     "unknown in a case": (
         NAMED.replace("chaser.mass", "chaser.mas"),

@@ -4,7 +4,10 @@ from collections.abc import Callable, Sequence
 
 
 def find_guilty(settings: Sequence[str], say: Callable[[list[str]], str]) -> str | None:
-    """Return the last setting without which nothing is said, or else something else is said.
+    """Return the last setting without which nothing is said.
+
+    If there is none, other settings give the same fault or another one. Then it is the last of
+    those that remain when all without a part in what is said are left out.
 
     Args:
         settings: all of them, in their order.
@@ -13,10 +16,17 @@ def find_guilty(settings: Sequence[str], say: Callable[[list[str]], str]) -> str
     Returns:
         The setting; None: nothing is said, or the same without any of them.
     """
-    said = say([*settings])
-    if not said or said == say([]):
+
+    def leave_out(text: str, texts: Sequence[str]) -> list[str]:
+        return [each for each in texts if each != text]
+
+    said, kept = say([*settings]), [*settings]
+    if not said:
         return None
-    others = {text: say([each for each in settings if each != text]) for text in settings}
-    alone = [text for text, other in others.items() if not other]
-    changing = [text for text, other in others.items() if other != said]
-    return (alone or changing or settings)[-1]
+    for text in reversed(settings):
+        if not say(leave_out(text, settings)):
+            return text
+    for text in settings:
+        if say(leave_out(text, kept)) == said:
+            kept = leave_out(text, kept)
+    return kept[-1] if kept else None

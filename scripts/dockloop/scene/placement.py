@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dockloop.base.errors import UsageError
+from dockloop.base.errors import DockloopError, UsageError
 from dockloop.native.core import core_errors, name_source, place, to_json
 from dockloop.native.variables import VEHICLES
 from dockloop.scene.resolve import SceneReader
@@ -91,9 +91,9 @@ def blaming_start(path: Path, overrides: Sequence[str], label: str = "") -> Iter
     except UsageError as error:
         try:
             read_placed(path, overrides, say=lambda _: None, starts=True)
-        except UsageError as found:
+        except DockloopError as found:
             said = str(error).removeprefix(label).removeprefix(f"{name_source(path)}: ")
-            if str(found).endswith(said):
+            if isinstance(found, UsageError) and str(found).endswith(said):
                 raise found from None
         raise
 

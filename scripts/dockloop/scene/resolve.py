@@ -174,7 +174,7 @@ class SceneReader:
 
         def try_with(texts: list[str]) -> str:
             try:
-                return work(self._resolve(texts)) or ""
+                return work(self.apply(texts)) or ""
             except DockloopError as error:
                 return str(error)
 
@@ -187,7 +187,7 @@ class SceneReader:
             return begin + said.removeprefix(f"{shown(self._path)}: ").removeprefix(own)
 
         try:
-            document = self._resolve(overrides)
+            document = self.apply(overrides)
             warning = work(document)
         except UsageError as error:
             raise UsageError(blame(str(error))) from None
@@ -195,7 +195,8 @@ class SceneReader:
             say(warning) if say else warn(blame(f"{shown(self._path)}: {warning}"))
         return document
 
-    def _resolve(self, overrides: Sequence[str]) -> dict:
+    def apply(self, overrides: Sequence[str]) -> dict:
+        """Do the work of `resolve`, without a search for the override to blame."""
         scene = without_nulls(self._scene)  # a copy: TOML has no nulls
         changes: dict[tuple[str | int, ...], Any] = {}
         for text in overrides:

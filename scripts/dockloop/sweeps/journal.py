@@ -113,6 +113,12 @@ class Known(Mapping[tuple[Value, ...], Result]):
         """Return the result of a case."""
         return self.read(self.find_place(values))
 
+    def close(self) -> None:
+        """Close the file, until a result is looked at."""
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
     def find_place(self, values: tuple[Value, ...]) -> Place:
         """Return where the result of a case is: less to keep than the result."""
         return self._places[_find_key(values)]
@@ -261,7 +267,9 @@ class Journal:
         finally:
             self.close()
             if is_vain:
-                self.path.unlink(missing_ok=True)
+                self.known.close()
+                with suppress(OSError):
+                    self.path.unlink()
 
     def _lock(self, file: BinaryIO) -> None:
         try:

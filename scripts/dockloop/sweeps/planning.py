@@ -45,6 +45,8 @@ from dockloop.sweeps.cases import Job, list_case_points
 from dockloop.sweeps.journal import make_digest
 from dockloop.sweeps.sampling import Quantity, Sweep, Value
 
+_TRIED = 9  # cases that show whether all share a fault
+
 
 def _list_outcomes() -> list[str]:
     """Return what a sweep collects unless its file names outcomes."""
@@ -161,8 +163,15 @@ class Planner:
             return
         check_assurable(self.list_outputs(), lambda name: docking.get(docking.find([name]))[0])
 
+    def _find_option(self, name: str) -> str | None:
+        """Return the option that has set or varied this name, or names like it."""
+        given = self._sweep.given_by
+        return given.get(name) or next(
+            (given[like] for like in given if "*" in like and name in self._match(like)), None
+        )
+
     def _check_shared(self) -> None:
-        """Refuse what no docking starts with and all cases share: first and last say the same."""
+        """Refuse what no docking starts with and all cases share: some of them say the same."""
         fixed = self._sweep.document["set"]
 
         def refuse(settings: Mapping[str, Any]) -> str:
@@ -173,7 +182,8 @@ class Planner:
             return ""
 
         said, cases = refuse(self._expand(fixed)), self._sweep.cases
-        if said and all(said == refuse(self.list_settings(cases[row])) for row in (0, -1)):
+        rows = {k * (len(cases) - 1) // (_TRIED - 1) for k in range(_TRIED)}
+        if said and all(said == refuse(self.list_settings(cases[row])) for row in sorted(rows)):
             guilty = find_guilty(
                 [*fixed], lambda names: refuse(self._expand({name: fixed[name] for name in names}))
             )
@@ -214,9 +224,8 @@ class Planner:
 
     def _resolve(self, settings: Mapping[str, Any]) -> tuple[dict, dict[str, Any]]:
         keys, starts = _split(settings)
-        scene = {as_setting(name, value): name for name, value in keys.items()}
-        given_by = self._sweep.given_by
-        begins = {text: given_by[name] for text, name in scene.items() if name in given_by}
+        scene = {as_setting(name, value): self._find_option(name) for name, value in keys.items()}
+        begins = {text: option for text, option in scene.items() if option}
         try:
             return self._reader.resolve([*scene], begins), self._as_types(starts)
         except UsageError as error:
@@ -234,8 +243,10 @@ class Planner:
 
         Cases of other values may run the same, such as other directions of an offset of 0.
         """
+        keys, starts = self.split_settings(values)
+        texts = [as_setting(name, value) for name, value in keys.items()]
         try:
-            content = json.dumps(self.resolve(values))
+            content = json.dumps((self._reader.apply(texts), self._as_types(starts)))
         except UsageError:
             return None
         return hashlib.blake2b(content.encode(), digest_size=12).digest()
@@ -390,7 +401,8 @@ class Planner:
                 try:
                     find_number(name, variable.description, value)
                 except UsageError as error:
-                    raise UsageError(f"{shown(self._sweep.path)}: {where} {error}") from None
+                    said = str(error).removeprefix(f"'{name}' ")
+                    raise UsageError(f"{place}: {said}") from None
             elif not is_of_type(value, variable.type):
                 wanted = f"one of {', '.join(names)}" if names else WORDS[variable.type]
                 raise UsageError(f"{place}: takes {value!r}: must be {wanted}")

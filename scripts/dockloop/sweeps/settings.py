@@ -47,9 +47,11 @@ def parse_setting(option: str, text: str) -> tuple[str, Any]:
 
 def parse_settings(option: str, texts: Iterable[str]) -> Settings:
     """Return values by name. Raises UsageError like `parse_setting`."""
-    parsed = {text: parse_setting(option, text) for text in texts}
-    begins = {name: f"{option} {text}" for text, (name, _) in parsed.items()}
-    return Settings(dict(parsed.values()), begins)
+    settings = Settings()
+    for text in texts:  # the last one of a name holds
+        name, value = parse_setting(option, text)
+        settings = settings | Settings({name: value}, {name: f"{option} {text}"})
+    return settings
 
 
 def read_settings(options: argparse.Namespace) -> Settings:

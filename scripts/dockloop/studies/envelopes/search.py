@@ -195,9 +195,9 @@ def find_envelope(
     with campaign.at_work():
         _refine(search, campaign, progress, "refining")
         _check(search, campaign, progress)
+        kept.finish()
         if not any(result.status == "done" for result in search.runs.values()):
             raise explain_undone(search.runs.values(), "no docking could be run, for example")
-        kept.finish()
     search.ran, search.wall = campaign.ran, campaign.wall
     return search
 

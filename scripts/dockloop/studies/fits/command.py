@@ -37,6 +37,7 @@ from dockloop.sweeps.campaign import read_how
 from dockloop.sweeps.journal import journal_kind, keeps_results
 from dockloop.sweeps.settings import (
     Settings,
+    give_accuracy,
     make_experiment,
     name_scene,
     parse_range,
@@ -302,8 +303,12 @@ def _choose_accuracy(settings: Settings, accuracy: float | None) -> Settings:
         raise UsageError(
             f"--accuracy: is given twice, {given[0]} = {settings[given[0]]!r} too: leave one out"
         )
-    own = settings[given[0]] if given else accuracy
-    return settings | {"accuracy": _ACCURACY if own is None else own}
+    if accuracy is not None:
+        return settings | give_accuracy(accuracy)
+    if not given:
+        return settings | {"accuracy": _ACCURACY}
+    begin = settings.given_by.get(given[0], "fit")
+    return settings | Settings({"accuracy": settings[given[0]]}, {"accuracy": begin})
 
 
 def _read_ends(name: str, ends: Any) -> tuple[float, float]:

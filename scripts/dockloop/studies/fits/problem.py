@@ -564,7 +564,7 @@ class Problem:
         return x
 
     def _find_inside(self, x: np.ndarray, series: Series, run: Recording) -> np.ndarray:
-        """Return which samples fall into the run. Raises UsageError: too few do."""
+        """Return which samples fall into the run. Raises TooFewSamplesError."""
         data, shift = self.trials[series.trial].data, self.find_unknown(x, series, "shift")
         if data is not None:
             origin = "found" if self.sensors.shift is None else "given"
@@ -573,7 +573,7 @@ class Problem:
         return (time >= run.time[0]) & (time <= run.time[-1])
 
     def mask(self, x: np.ndarray, trials: Sequence[int]) -> None:
-        """Let samples outside of the run not count. Raises UsageError: too few are inside."""
+        """Let samples outside of the run not count. Raises TooFewSamplesError."""
         for series in self.choose(trials):
             run = self.get_run(x, series.trial)
             if not isinstance(run, str):

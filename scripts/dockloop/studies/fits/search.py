@@ -21,7 +21,7 @@ import numpy as np
 from scipy.optimize import least_squares, lsq_linear
 from scipy.stats import qmc
 
-from dockloop.base.errors import DockloopError, UsageError
+from dockloop.base.errors import DockloopError
 from dockloop.studies.fits.problem import Problem
 from dockloop.studies.fits.statistics import (
     PENALTIES,
@@ -31,6 +31,7 @@ from dockloop.studies.fits.statistics import (
     find_factor,
     judge_residuals,
 )
+from dockloop.studies.measured.overlay import TooFewSamplesError
 
 _BEST = 2  # starts that go on
 _COARSE, _FINE = (0.1, 12), (0.0, 10)  # part of the sum of squares, evaluations that end a search
@@ -111,7 +112,7 @@ def find_fit(
             if x is not None:
                 best = _finish(problem, x, loss)
                 valley, ends = x, dict(problem.ends)
-        except UsageError as error:  # a shift at which too few samples are left
+        except TooFewSamplesError as error:  # at a shift that was found
             lost = lost or error
         if best and not _is_doubtful(problem, *best):
             break
@@ -207,7 +208,7 @@ def _finish(problem: Problem, x: np.ndarray, loss: str) -> tuple[np.ndarray, dic
         found = _refine(problem, x, loss)
         if not problem.is_short(found[0]):
             return found
-    except UsageError:
+    except TooFewSamplesError:
         if not problem.ends:
             raise
     problem.lengthen()

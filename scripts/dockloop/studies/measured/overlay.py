@@ -70,13 +70,17 @@ def find_inside(run: Result, data: Data, shift: float) -> np.ndarray:
     return (time >= run.time[0]) & (time <= run.time[-1])
 
 
+class TooFewSamplesError(UsageError):
+    """Too few samples fall into the run at a shift."""
+
+
 def check_overlap(path: Path, run: Result, data: Data, shift: float, origin: str) -> None:
-    """Refuse data of which too few samples fall into the run. Raises UsageError."""
+    """Refuse data of which too few samples fall into the run. Raises TooFewSamplesError."""
     inside = find_inside(run, data, shift)
     for name in data.names:
         count = len(read_samples(data, name, inside, shift)[0])
         if count < 2:
-            raise UsageError(
+            raise TooFewSamplesError(
                 f"{shown(path)}: {count} samples of '{name}' fall into the run from"
                 f" {run.time[0]:g} to {run.time[-1]:g} s at the shift of {shift:g} s that was"
                 f" {origin}: give another --shift, or leave the column out"
