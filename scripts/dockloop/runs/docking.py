@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -221,8 +221,11 @@ class Docking:
         """
         rows = self._find(name)
         kind = TYPES[self._list[rows[0]].type]
-        with self.starting():
-            values = self._core.get(rows)
+        try:  # often called: no more than one context
+            with core_errors():
+                values = self._core.get(rows)
+        except UsageError:
+            self._blame()
         return kind(values[0]) if name in self.variables else np.array(values).astype(kind)
 
     def step(self, h: float) -> None:
@@ -242,8 +245,11 @@ class Docking:
         with self._lock:
             self._keep_start()
             began = time.perf_counter()
-            with self.starting():
-                self._core.step(h)
+            try:
+                with core_errors():
+                    self._core.step(h)
+            except UsageError:
+                self._blame()
             self._steps, self._wall = self._steps + 1, self._wall + time.perf_counter() - began
             self._keep_warnings()
 
@@ -361,8 +367,17 @@ class Docking:
     @contextmanager
     def starting(self) -> Iterator[None]:
         """Let the errors of the core be those of this package, also those of a start."""
-        with blaming_start(self.scene.path, self.scene.texts), core_errors():
-            yield
+        try:
+            with core_errors():
+                yield
+        except UsageError:
+            self._blame()
+
+    def _blame(self) -> NoReturn:
+        """Raise the present error anew; that of a start begins with the override to blame."""
+        with blaming_start(self.scene.path, self.scene.texts):
+            raise  # noqa: PLE0704  # called while an error is handled
+        raise AssertionError
 
     def _keep_start(self) -> None:
         """Before the first step: keep the state, from which a summary reads the first outputs."""
