@@ -388,7 +388,7 @@ def test_tests_have_conditions_of_their_own_and_may_be_held_back(tmp_path):
         '[[test]]\nfile = "other.csv"\nheld_back = true\nset = {"initial.closing_speed" = 0.08}\n'
     )
     each = {"initial.closing_speed": (0.02, 0.15)}
-    with pytest.raises(dl.UsageError, match="vary 'test' decides already"):
+    with pytest.raises(dl.UsageError, match=r"^vary_each initial\.closing_speed .*which DATA"):
         fit(tests, vary_each=each)
     tests.write_text(tests.read_text().partition('[[test]]\nfile = "other.csv"')[0])
     found = fit(tests, vary_each=each)

@@ -212,8 +212,8 @@ S find_leg_force(const DockingModel& model, const DockingData<S>& data, size_t i
   }
   if (data.locked) return force / S(leg.arm);  // forces of couplings are unknown
   for (const LegLoads::Term& term : loads.couplings) {
-    force += S(term.factor) *
-             get_cut_force(model.mechanism.plan, data.mechanism.loops, term.index, 0);
+    force +=
+        S(term.factor) * get_cut_force(model.mechanism.plan, data.mechanism.loops, term.index, 0);
   }
   return force / S(leg.arm);
 }

@@ -241,8 +241,9 @@ def _make_sweep(order: Order, trials: Sequence[Trial]) -> Sweep:
         ends.append(_LATE)
     quantities = list_quantities(document)
     scene = find_scene(order.scene)
-    given_by = order.settings.given_by | {v.name: v.option for v in order.vary} | {_TEST: "DATA"}
-    given_by |= {name: f"DATA: set '{name}'" for t in trials for name in t.settings}
+    by_data = {name: f"DATA: set '{name}'" for t in trials for name in t.settings}
+    by_options = order.settings.given_by | {v.name: v.option for v in order.vary}
+    given_by = by_data | by_options | {_TEST: "DATA"}
     cases = Cases(vary, np.array(ends).T)
     return Sweep(Path(WORK), "", scene, document, quantities, cases, given_by=given_by)
 
