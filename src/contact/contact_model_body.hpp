@@ -498,10 +498,12 @@ S find_gap(const ContactModel& model, const ContactMemory& memory, const Hardwar
     forget_plates(work);
     if (list) {  // the closest pair is one of those that were near, as a rule the closest one
       const S from_close = find_displacement<S>(of, list->close, seen);
-      const auto least = std::min_element(list->near_gap.begin(), list->near_gap.end());
-      if (least != list->near_gap.end()) look_at(list->near[least - list->near_gap.begin()]);
-      for (size_t k = 0; k < list->near.size(); ++k) {
-        if (S(list->near_gap[k]) - from_close < gap) look_at(list->near[k]);
+      const std::vector<double>& gaps = list->near_gap;
+      const auto closest =
+          static_cast<size_t>(std::min_element(gaps.begin(), gaps.end()) - gaps.begin());
+      if (!gaps.empty()) look_at(list->near[closest]);
+      for (size_t k = 0; k < gaps.size(); ++k) {
+        if (k != closest && S(gaps[k]) - from_close < gap) look_at(list->near[k]);
       }
       if (!(S(list->radius) - from_all < gap)) continue;
     }

@@ -50,11 +50,6 @@ struct NodeFunctions {
   void (*add_lanes)(const double (*row)[kSumLanes], int count, double* sums);
 };
 
-extern const NodeFunctions kBaseFunctions;
-#ifdef DOCKLOOP_X86_LANES
-extern const NodeFunctions kAvx2Functions, kAvx512Functions;
-#endif
-
 /// Functions for the widest registers of this processor. @param widest  largest number of lanes
 const NodeFunctions& find_node_functions(int widest = kGroup);
 

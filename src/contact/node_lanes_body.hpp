@@ -1,5 +1,5 @@
 // Arithmetic of nodes in lanes; see node_lanes.hpp. Included once per instruction set, with LANES
-// (lanes in a register) and FUNCTIONS (name of the table) defined.
+// (lanes in a register) defined.
 #include "contact/node_lanes.hpp"
 #include "math/lane_arithmetic.hpp"
 
@@ -83,8 +83,8 @@ void add_all_lanes(const double (*row)[kSumLanes], int count, double* sums) {
   add_lanes(row, count, sums);
 }
 
-}  // namespace
+constexpr NodeFunctions kFunctions = {add_group, add_all_lanes};
 
-const NodeFunctions FUNCTIONS = {add_group, add_all_lanes};
+}  // namespace
 
 }  // namespace dockloop::nodes

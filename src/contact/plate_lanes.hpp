@@ -25,11 +25,6 @@ struct PlateFunctions {
   PlateCandidate (*find)(const PlateNumbers& first, const PlateNumbers& second, double mu);
 };
 
-extern const PlateFunctions kBaseFunctions;
-#ifdef DOCKLOOP_X86_LANES
-extern const PlateFunctions kAvx2Functions, kAvx512Functions;
-#endif
-
 /// Functions for the widest registers of this processor. @param widest  largest number of lanes
 const PlateFunctions& find_plate_functions(int widest = kGroup);
 

@@ -1,5 +1,5 @@
 // Plates in SIMD lanes; see plate_lanes.hpp. Included once per instruction set, with LANES (lanes
-// in a register) and FUNCTIONS (name of the table) defined.
+// in a register) defined.
 #include "contact/plate_lanes.hpp"
 #include "math/lane_arithmetic.hpp"
 
@@ -125,8 +125,8 @@ PlateCandidate find(const PlateNumbers& P, const PlateNumbers& Q, double regular
   return best.least;
 }
 
-}  // namespace
+constexpr PlateFunctions kFunctions = {find};
 
-const PlateFunctions FUNCTIONS = {find};
+}  // namespace
 
 }  // namespace dockloop::plates

@@ -31,13 +31,7 @@ struct LegFunctions {
   void (*calc_bias)(LegGroup* groups, int count, const PlatformMotion<double>& at, bool moving,
                     double* sums);
   void (*calc_loads)(LegGroup* groups, int count, const PlatformMotion<double>& at, double* sums);
-  const char* name;
 };
-
-extern const LegFunctions kBaseFunctions;
-#ifdef DOCKLOOP_X86_LANES
-extern const LegFunctions kAvx2Functions, kAvx512Functions;
-#endif
 
 /// The widest that this processor has. @param widest  lanes at most
 const LegFunctions& find_leg_functions(int widest);

@@ -1,5 +1,5 @@
 // The stages of legs in lanes; see leg_lanes.hpp. Included once per instruction set, with LANES
-// (lanes in a register), FUNCTIONS (name of the table) and NAME defined.
+// (lanes in a register) defined.
 //
 // Stages are flattened: vectors that pass through memory on calls cost a tenth.
 #include "loops/leg_lanes.hpp"
@@ -110,9 +110,8 @@ void calc_all_biases(LegGroup* groups, int count, const PlatformMotion<double>& 
   add_lanes(sum, kLoadSums, sums);
 }
 
-}  // namespace
+constexpr LegFunctions kFunctions = {calc_position, calc_angles, calc_rates, calc_bias, calc_loads};
 
-const LegFunctions FUNCTIONS = {calc_position, calc_angles, calc_rates,
-                                calc_bias,     calc_loads,  NAME};
+}  // namespace
 
 }  // namespace dockloop::legs

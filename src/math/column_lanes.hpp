@@ -21,11 +21,6 @@ struct ColumnFunctions {
   void (*solve_12)(const double* L, double* x);
 };
 
-extern const ColumnFunctions kBaseFunctions;
-#ifdef DOCKLOOP_X86_LANES
-extern const ColumnFunctions kAvx2Functions, kAvx512Functions;
-#endif
-
 /// Functions for the widest registers of this processor. @param widest  largest number of lanes
 const ColumnFunctions& find_column_functions(int widest = kGroup);
 

@@ -122,8 +122,8 @@ void solve(const double* L, double* x) {
   __builtin_memcpy(x, rest, sizeof rest);
 }
 
-}  // namespace
+constexpr ColumnFunctions kFunctions = {add_up, factorise<6>, factorise<12>, solve<12>};
 
-const ColumnFunctions FUNCTIONS = {add_up, factorise<6>, factorise<12>, solve<12>};
+}  // namespace
 
 }  // namespace dockloop::columns

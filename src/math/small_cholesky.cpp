@@ -2,20 +2,6 @@
 #include "math/small_cholesky.hpp"
 
 namespace dockloop {
-namespace {
-
-template <int N>
-void solve_each(const SmallCholesky& factor, Eigen::Ref<MatX<double>> x) {
-  std::array<double, N> column;
-  for (Eigen::Index j = 0; j < x.cols(); ++j) {
-    for (int i = 0; i < N; ++i) column[i] = x(i, j);
-    factor.solve_leading<N>(column.data());
-    for (int i = 0; i < N; ++i) x(i, j) = column[i];
-  }
-}
-
-}  // namespace
-
 void SmallCholesky::compute(const MatX<double>& A) {
   bool positive = true;
   L_.resize(A.rows(), A.cols());
@@ -42,10 +28,8 @@ void SmallCholesky::solve_column(Eigen::Ref<VecX<double>> x) const {
 }
 
 void SmallCholesky::solve_columns(Eigen::Ref<MatX<double>> x) const {
-  if (L_.rows() == 6) {
-    solve_each<6>(*this, x);
-  } else if (L_.rows() == 12) {
-    solve_each<12>(*this, x);
+  if (L_.rows() == 6 || L_.rows() == 12) {
+    for (Eigen::Index j = 0; j < x.cols(); ++j) solve_column(x.col(j));
   } else {
     L_.triangularView<Eigen::Lower>().solveInPlace(x);
     L_.transpose().triangularView<Eigen::Upper>().solveInPlace(x);
