@@ -3,6 +3,7 @@
 Names are checked once, against the members of scenes and the variables of the core.
 """
 
+import copy
 import hashlib
 import json
 from collections.abc import Mapping
@@ -38,7 +39,7 @@ from dockloop.runs.assured import check_assurable, list_recorded
 from dockloop.runs.docking import run
 from dockloop.runs.outcome import Result
 from dockloop.scene.blame import find_guilty
-from dockloop.scene.placement import NO_EFFECT, acts, read_placed
+from dockloop.scene.placement import NO_EFFECT, acts, find_placement
 from dockloop.scene.resolve import SceneReader, is_scene_key, scene_members
 from dockloop.scene.values import as_setting
 from dockloop.sweeps.cases import Job, list_case_points
@@ -84,9 +85,7 @@ class Planner:
         like = self._reader.list_keys_like
         pairs = ((name, n, value) for n, value in fixed.items() for name in like(n))
         texts = {as_setting(name, value): sweep.name_setting(n) for name, n, value in pairs}
-        self.unplaced = self._reader.resolve([*texts], texts)
-        self.base = read_placed(sweep.scene, [*texts], self._reader, lambda _: None, texts)
-        self.variables = read_variables(self._make_docking(self.base))
+        self.base = self._reader.resolve([*texts], texts, self._place)
         libraries = {name: _hash(file.read_bytes()) for name, file in find_libraries().items()}
         self.model_digest = _hash(json.dumps([self.base, libraries]).encode())
         for name, value in fixed.items():
@@ -115,6 +114,14 @@ class Planner:
         decided += [self.experiment, passes, self.histories]
         decided += ["assured"] if sweep.assured else []
         self.digest = make_digest(decided)
+
+    def _place(self, document: dict) -> None:
+        """Find what is known of the base scene: as it is stated, and placed."""
+        self.unplaced = copy.deepcopy(document)
+        find_placement(document, self._sweep.scene)
+        with core_errors(self._sweep.scene) as core:
+            docking = core.Docking(to_json(document), name_source(self._sweep.scene))
+            self.variables = read_variables(docking)
 
     def find_setup(self) -> dict[str, Any]:
         """Return all that decides the result of a case but its values: the head of a journal."""
@@ -193,15 +200,11 @@ class Planner:
     def _start(self, settings: Mapping[str, Any]) -> Any:
         """Return a docking of the core that has started. Raises DockloopError."""
         document, starts = self._resolve(settings)
-        docking = self._make_docking(document, place=True)
-        with core_errors():
+        with core_errors() as core:
+            docking = core.Docking(to_json(document), name_source(self._sweep.scene), place=True)
             docking.set(docking.find([*starts]), [float(value) for value in starts.values()])
             docking.start()
         return docking
-
-    def _make_docking(self, document: dict, **how: bool) -> Any:
-        with core_errors() as core:
-            return core.Docking(to_json(document), name_source(self._sweep.scene), **how)
 
     def collect_like(self, outcomes: list[str]) -> None:
         """Collect what a journal holds, if that has all that is asked for."""

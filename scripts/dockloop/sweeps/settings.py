@@ -80,6 +80,11 @@ def parse_range(option: str, given: Sequence[str]) -> Range:
     return name, low, high
 
 
+def say_range(option: str, name: str, low: float, high: float) -> str:
+    """Return ``OPTION NAME LOW HIGH`` as it may have been typed."""
+    return f"{option} {name} {low:g} {high:g}"
+
+
 def make_experiment(stop: float | None, step: float | None) -> dict[str, float]:
     """Return what an experiment has otherwise than the scene."""
     given = {"stop": stop, "step": step}

@@ -26,7 +26,7 @@ from dockloop.sweeps.executors import open_executor
 from dockloop.sweeps.journal import Journal, find_outcomes, make_digest
 from dockloop.sweeps.planning import Planner
 from dockloop.sweeps.sampling import Cases, Sweep, list_quantities
-from dockloop.sweeps.settings import Settings
+from dockloop.sweeps.settings import Settings, say_range
 
 COMMAND = "dockloop envelope"
 WORK = "envelope"
@@ -52,6 +52,10 @@ class Axis(NamedTuple):
     low: float
     high: float
     is_log: bool = False
+
+    def say(self, letter: str) -> str:
+        """Return its option as it may have been typed."""
+        return say_range(f"--{letter}", self.name, self.low, self.high)
 
     def value(self, part: float) -> float:
         """Return the value at a part of the range, 0 to 1."""
@@ -222,7 +226,7 @@ def prepare_search(order: Order, judge: Judge | None = None) -> Search:
     if not order.criteria and judge is None:
         raise UsageError('--criterion: at least one is needed, for example "captured within 5 s"')
     for letter, axis in zip("xyz", order.axes, strict=False):
-        _check_axis(_name_axis(letter, axis), axis)
+        _check_axis(axis.say(letter), axis)
     names = [axis.name for axis in order.axes]
     for number, name in enumerate(names):
         if name in names[:number] or name in order.settings:
@@ -247,11 +251,6 @@ def check_tolerance(tolerance: float) -> None:
         raise UsageError(f"--tolerance {tolerance:g}: must be {FINEST:g} to 0.25 (of the range)")
 
 
-def _name_axis(letter: str, axis: Axis) -> str:
-    """Return the option of a quantity as it may have been typed."""
-    return f"--{letter} {axis.name} {axis.low:g} {axis.high:g}"
-
-
 def _check_axis(place: str, axis: Axis) -> None:
     """Check a range."""
     if not (math.isfinite(axis.low) and math.isfinite(axis.high) and axis.low < axis.high):
@@ -272,7 +271,7 @@ def _make_sweep(order: Order, work: str) -> Sweep:
     }
     ends = np.array([[axis.low, axis.high] for axis in order.axes]).T
     scene, quantities = find_scene(order.scene), list_quantities(document)
-    axes = {pair[1].name: _name_axis(*pair) for pair in zip("xyz", order.axes, strict=False)}
+    axes = {axis.name: axis.say(x) for x, axis in zip("xyz", order.axes, strict=False)}
     return Sweep(
         Path(work), "", scene, document, quantities, Cases(vary, ends),
         assured=order.assured, given_by=order.settings.given_by | axes,

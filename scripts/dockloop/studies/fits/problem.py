@@ -32,6 +32,7 @@ from dockloop.studies.fits.trials import Trial
 from dockloop.studies.measured.overlay import check_overlap, find_shift
 from dockloop.sweeps.campaign import Campaign, explain_undone
 from dockloop.sweeps.planning import Planner
+from dockloop.sweeps.settings import say_range
 
 _FORESEEN = 0.3  # part of a change of a run that derivatives may miss, and go along
 _ROUNDS = 5  # of the estimate of noise with bends
@@ -60,7 +61,7 @@ class Vary(NamedTuple):
     def option(self) -> str:
         """The option as it may have been typed."""
         option = "--vary-each" if self.is_own else "--vary"
-        return f"{option} {self.name} {self.low:g} {self.high:g}"
+        return say_range(option, self.name, self.low, self.high)
 
     def value(self, part: float) -> float:
         """Return the value at a part of the range."""
