@@ -153,6 +153,10 @@ const SavedInstance& saved_state(fmi2FMUstate saved, const char* function) {
   return *static_cast<const SavedInstance*>(saved);
 }
 
+[[noreturn]] void refuse_value(const std::string& name, double value) {
+  throw Refusal(name + " = " + shortest(value) + describe_unusable(value));
+}
+
 void check_evaluated(const Instance& self, const Status& status, const char* function) {
   if (status.ok()) return;
   throw Discard(std::string(function) + ": " + self.sim.describe(status) + ": make a smaller step");
@@ -275,9 +279,7 @@ fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean tolerance_defined, f
                                fmi2Real start_time, fmi2Boolean stop_time_defined,
                                fmi2Real stop_time) {
   return guarded(c, call::kSetupExperiment, [&](Instance& self) {
-    if (!(std::abs(start_time) <= kLargestValue)) {
-      throw Refusal("fmi2SetupExperiment: startTime is not finite or beyond 1e30 s");
-    }
+    if (!is_usable(start_time)) refuse_value("fmi2SetupExperiment: startTime", start_time);
     if (stop_time_defined && !std::isfinite(stop_time)) {
       throw Refusal("fmi2SetupExperiment: stopTime is not finite");
     }
@@ -502,8 +504,8 @@ fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference
       if (v.causality != Causality::kInput) refuse(" is not an input");
       if (order[i] != 1)
         refuse(": only derivatives of order 1 are used, not of order " + std::to_string(order[i]));
-      if (!(std::abs(value[i]) <= kLargestValue)) {
-        refuse(": the derivative is not a finite number or beyond 1e30");
+      if (!is_usable(value[i])) {
+        refuse_value(std::string(function) + ": the derivative of " + quoted(v, vr[i]), value[i]);
       }
     }
     for (size_t i = 0; i < n; ++i) *self.variables[vr[i]].slope = value[i];
@@ -629,9 +631,7 @@ fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean /*no_rollbac
 }
 fmi2Status fmi2SetTime(fmi2Component c, fmi2Real time) {
   return guarded(c, call::kSetTime, [&](Instance& self) {
-    if (!(std::abs(time) <= kLargestValue)) {
-      throw Refusal("fmi2SetTime: the time is not a finite number or beyond 1e30");
-    }
+    if (!is_usable(time)) refuse_value("fmi2SetTime: the time", time);
     self.sim.set_time(time);
     self.time = time;
     return fmi2OK;
@@ -641,9 +641,8 @@ fmi2Status fmi2SetContinuousStates(fmi2Component c, const fmi2Real x[], size_t n
   return guarded(c, call::kSetContinuousStates, [&](Instance& self) {
     check_count(self, x, n, "fmi2SetContinuousStates");
     for (size_t i = 0; i < n; ++i) {
-      if (!(std::abs(x[i]) <= kLargestValue)) {
-        throw Refusal("fmi2SetContinuousStates: state " + std::to_string(i + 1) +
-                      " is not a finite number or beyond 1e30");
+      if (!is_usable(x[i])) {
+        refuse_value("fmi2SetContinuousStates: state " + std::to_string(i + 1), x[i]);
       }
     }
     self.sim.set_states(x);

@@ -411,13 +411,18 @@ def test_states_and_times_that_are_not_finite_are_refused_and_nothing_changes(ru
     host, _ = started(runs.fmu(DEFAULT, NEAR))
     with host:
         x, rates = host.states(), host.rates()
-        for bad in (math.nan, math.inf, -math.inf):
+        for bad, why in (
+            (math.nan, "nan is not a finite number"),
+            (-math.inf, "-inf is not a finite number"),
+            (1e31, "1e+31 is too large: its absolute value must be at most 1e30"),
+        ):
             assert host.status("fmi2SetTime", bad) == ERROR
+            assert f"the time = {why}" in host.last_line
             broken = (ctypes.c_double * len(x))(*x)
             broken[7] = bad
             count = ctypes.c_size_t(len(x))
             assert host.status("fmi2SetContinuousStates", broken, count) == ERROR
-            assert "state 8" in host.last_line
+            assert f"state 8 = {why}" in host.last_line
         assert np.array_equal(host.states(), x)
         assert np.array_equal(host.rates(), rates)
 

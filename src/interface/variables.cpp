@@ -165,18 +165,21 @@ std::string find_guid(const Scene& scene, const std::vector<Variable>& rows) {
   return hash_text(text);
 }
 
+std::string describe_unusable(double value) {
+  if (!std::isfinite(value)) return " is not a finite number";
+  return " is too large: its absolute value must be at most 1e30";
+}
+
 void check_value(const Variable& v, double value, const char* function) {
   const auto refuse = [&](const std::string& why) {
     throw ModelError(std::string(function) + ": '" + v.name + "' = " + shortest(value) + why);
   };
-  if (!std::isfinite(value)) refuse(" is not a finite number");
+  if (!is_usable(value)) refuse(describe_unusable(value));
   if (v.type == Type::kBoolean && value != 0.0 && value != 1.0) {
     refuse(": must be false (0) or true (1)");
   }
   const auto absent = v.refused.find(static_cast<int>(std::clamp(value, -1e9, 1e9)));
   if (absent != v.refused.end()) refuse(absent->second);
-  if (std::abs(value) > kLargestValue)
-    refuse(" is too large: its absolute value must be at most 1e30");
   const std::string unit = v.unit == std::string("1") ? "" : std::string(" ") + v.unit;
   if (value < v.min) refuse(" is below its minimum " + shortest(v.min) + unit);
   if (value > v.max) refuse(" is above its maximum " + shortest(v.max) + unit);

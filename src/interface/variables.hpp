@@ -8,6 +8,7 @@
 // The value reference of a row is its index, one numbering for all types.
 #pragma once
 
+#include <cmath>
 #include <limits>
 #include <map>
 #include <string>
@@ -96,6 +97,11 @@ std::vector<Variable> make_variables(DockingSim& sim);
 std::string find_guid(const Scene& scene, const std::vector<Variable>& rows);
 
 constexpr double kLargestValue = 1e30;  ///< in SI units; products of larger values would overflow
+
+inline bool is_usable(double value) { return std::abs(value) <= kLargestValue; }
+
+/// What a message says of a value that is not usable, to be put after its name.
+std::string describe_unusable(double value);
 
 /// Check a value for a row. @param function  name of the FMI function with this value
 /// @throws ModelError naming function, variable, value and limit
