@@ -367,7 +367,7 @@ def test_a_search_without_any_docking_leaves_room_for_the_next(dockloop, tmp_pat
         "dockloop: no docking could be run, for example: --x initial.pitch_yaw_deg 31 40:"
         " initial.pitch_yaw_deg is 31.0: must be less than 30\n"
     )
-    assert not list((tmp_path / "own").iterdir())
+    assert not (tmp_path / "own").exists()
     found = search("0", "10")
     assert found.status == 0, found
     resumed = search("31", "40", "--resume")  # does not take the results above with it
@@ -375,6 +375,29 @@ def test_a_search_without_any_docking_leaves_room_for_the_next(dockloop, tmp_pat
     again = search("0", "10", "--resume", "--json")
     assert again.status == 0, again
     assert json.loads(again.out)["time"]["ran"] == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "guilty"),
+    [
+        (("chaser.inertia.3", "1e9", "2e9"), "--x chaser.inertia.3 1e+09 2e+09"),
+        (
+            ("chaser.mass", "1e4", "2e4", "--set", "chaser.inertia.3=1e9"),
+            "--set chaser.inertia.3=1e9",
+        ),
+    ],
+)
+def test_a_refusal_of_every_start_begins_with_the_option_to_blame(
+    dockloop, tmp_path, words, guilty
+):
+    refused = dockloop(
+        *("envelope", "absorber_1d", "--x", *words),
+        *("--y", "initial.closing_speed", "0.05", "0.1", "--criterion", "time_of_contact >= 0"),
+        *("--stop", "0.5", "--step", "0.5", "--coarse", "2", "-o", str(tmp_path / "own")),
+    )
+    assert refused.status == 2, refused
+    assert f"{guilty}: chaser.inertia has the principal moments" in refused.err
+    assert not (tmp_path / "own").exists()
 
 
 BAD_USAGE = {

@@ -707,6 +707,10 @@ def test_bad_input_is_refused_in_one_sentence(tmp_path, monkeypatch, change, wor
             "no start can be run, for example: --vary chaser.mass -5 -1: chaser.mass is -3.0",
         ),
         (
+            ("rig.csv", "--vary", "chaser.inertia.3", "1e9", "2e9"),
+            "no start can be run, for example: --vary chaser.inertia.3 1e+09 2e+09: chaser.inertia",
+        ),
+        (
             ("rig.toml", "--vary", "chaser.mass", "1e4", "5e4", "--plan"),
             "test 'rig' cannot be run: DATA: set 'target.mass': target.mass is -1: must be",
         ),

@@ -1,7 +1,7 @@
 // Written by tests/studies/accuracy.py from tests/data/accuracy.json: do not edit.
 //
-// Tolerances with which 98 % of the measured dockings stay below an error, so that 95 % of others do
-// (accuracy.hpp).
+// Tolerances with which 98 % of the measured dockings stay below an error, so that 95 % of others
+// do, too (accuracy.hpp).
 #pragma once
 
 #include <array>

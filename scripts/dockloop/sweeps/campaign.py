@@ -82,12 +82,21 @@ class InTurn:
         return future.result()
 
 
-def explain_undone(results: Iterable[Result], what: str) -> DockloopError:
-    """Return the error of work without a case that is done: bad usage if all are refused."""
-    undone = [result for result in results if result.status != "done"]
-    is_refused = all(result.status == "refused" for result in undone)
-    kind = UsageError if is_refused else DockloopError
-    return kind(f"{what}: {undone[0].reason or undone[0].status}")
+def explain_undone(
+    runs: Iterable[tuple[Values, Result]], what: str, explain: Callable[[Values], str]
+) -> DockloopError:
+    """Return the error of work without a case that is done: bad usage if all are refused.
+
+    Args:
+        runs: cases and what became of them.
+        what: the beginning of the message.
+        explain: returns why a case is refused.
+    """
+    undone = [(values, result) for values, result in runs if result.status != "done"]
+    is_refused = all(result.status == "refused" for _, result in undone)
+    values, result = undone[0]
+    reason = (is_refused and explain(values)) or result.reason or result.status
+    return (UsageError if is_refused else DockloopError)(f"{what}: {reason}")
 
 
 class Campaign:

@@ -186,6 +186,7 @@ class Journal:
         claim(path, journal_kind(work))
         header = {MADE_BY: f"dockloop {work}", "setup": setup, "cases": cases, "digest": digest}
         self._header = header
+        self._made = [each for each in path.parents if not each.exists()]
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             try:
@@ -205,7 +206,7 @@ class Journal:
             with suppress(OSError):
                 self._file.close()
             if is_new:
-                path.unlink(missing_ok=True)
+                self._take_away()
             raise
 
     def add(self, values: tuple[Value, ...], result: Result) -> None:
@@ -245,7 +246,7 @@ class Journal:
     def at_work(self, describe: Callable[[], str]) -> Iterator[None]:
         """Close the file after the work that fills it; Ctrl-C is reported as unfinished work.
 
-        A file that this work has begun goes if all its cases are refused.
+        A file that this work has begun, and its folder, go if all cases are refused.
 
         Args:
             describe: says what the file holds, such as ``3 of 8 cases``.
@@ -268,8 +269,14 @@ class Journal:
             self.close()
             if is_vain:
                 self.known.close()
-                with suppress(OSError):
-                    self.path.unlink()
+                self._take_away()
+
+    def _take_away(self) -> None:
+        """Remove the file and the folders that were made for it, if nothing else is in them."""
+        with suppress(OSError):
+            self.path.unlink()
+            for folder in self._made:
+                folder.rmdir()
 
     def _lock(self, file: BinaryIO) -> None:
         try:

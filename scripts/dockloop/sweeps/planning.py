@@ -179,23 +179,40 @@ class Planner:
 
     def _check_shared(self) -> None:
         """Refuse what no docking starts with and all cases share: some of them say the same."""
-        fixed = self._sweep.document["set"]
+        fixed = self._expand(self._sweep.document["set"])
+        said, cases = self._refuse(fixed), self._sweep.cases
+        rows = sorted({k * (len(cases) - 1) // (_TRIED - 1) for k in range(_TRIED)})
+        if said and all(said == self._refuse(self.list_settings(cases[row])) for row in rows):
+            raise UsageError(self._blame(fixed, said))
 
-        def refuse(settings: Mapping[str, Any]) -> str:
-            try:
-                self._start(settings)
-            except DockloopError as error:
-                return str(error) if isinstance(error, UsageError) else ""
-            return ""
+    def explain_refusal(self, values: tuple[Value, ...]) -> str:
+        """Return why a case does not start, after the option to blame; empty: it does."""
+        try:
+            self.resolve(values)
+        except UsageError as error:
+            return str(error)
+        settings = self.list_settings(values)
+        said = self._refuse(settings)
+        return said and self._blame(settings, said)
 
-        said, cases = refuse(self._expand(fixed)), self._sweep.cases
-        rows = {k * (len(cases) - 1) // (_TRIED - 1) for k in range(_TRIED)}
-        if said and all(said == refuse(self.list_settings(cases[row])) for row in sorted(rows)):
-            guilty = find_guilty(
-                [*fixed], lambda names: refuse(self._expand({name: fixed[name] for name in names}))
-            )
-            scene = shown(self._sweep.scene)
-            raise UsageError(f"{self._sweep.name_setting(guilty) if guilty else scene}: {said}")
+    def _blame(self, settings: Mapping[str, Any], said: str) -> str:
+        """Return what is said of settings, after the one to blame."""
+        guilty = find_guilty(
+            [*settings], lambda names: self._refuse({name: settings[name] for name in names})
+        )
+        if guilty is None:
+            return f"{shown(self._sweep.scene)}: {said}"
+        given = [name for name in self._sweep.document["set"] if guilty in self._match(name)]
+        place = self._find_option(guilty) or self._sweep.name_setting([*given, guilty][0])
+        return f"{place}: {said}"
+
+    def _refuse(self, settings: Mapping[str, Any]) -> str:
+        """Return what is said of settings with which a docking does not start."""
+        try:
+            self._start(settings)
+        except DockloopError as error:
+            return str(error) if isinstance(error, UsageError) else ""
+        return ""
 
     def _start(self, settings: Mapping[str, Any]) -> Any:
         """Return a docking of the core that has started. Raises DockloopError."""

@@ -201,7 +201,9 @@ def find_envelope(
         _check(search, campaign, progress)
         kept.finish()
         if not any(result.status == "done" for result in search.runs.values()):
-            raise explain_undone(search.runs.values(), "no docking could be run, for example")
+            what = "no docking could be run, for example"
+            runs = ((search.values(point), result) for point, result in search.runs.items())
+            raise explain_undone(runs, what, planner.explain_refusal)
     search.ran, search.wall = campaign.ran, campaign.wall
     return search
 

@@ -314,7 +314,8 @@ class Problem:
     def explain_undone(self, what: str, cases: Iterable[tuple] | None = None) -> DockloopError:
         """Return the error of a fit that needs runs, of some cases or any, that are not done."""
         known = self._campaign.known
-        return explain_undone([known[case] for case in cases or self._runs], what)
+        runs = [(case, known[case]) for case in cases or self._runs]
+        return explain_undone(runs, what, self.planner.explain_refusal)
 
     def require_run(self, x: np.ndarray, trial: int) -> Recording:
         """Return the run of a test. Raises DockloopError: it is not done."""
