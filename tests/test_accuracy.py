@@ -227,7 +227,7 @@ def test_a_note_says_once_what_was_chosen():
     assert made.notes[0].startswith("accuracy = 0.001: solver.method ")
     assert made.notes[1].startswith("left out: ")
     assert f"{last(made, 'chosen_rtol'):.3g}" in made.notes[0]
-    assert "95 %" in made.notes[0]
+    assert "98 %" in made.notes[0]
     assert made.summary["notes"] == made.notes
     assert made.warnings == []
 

@@ -272,11 +272,11 @@ def test_a_sequence_costs_less_than_with_bdf_for_the_same_error():
         return np.array([made[name][-1] for name in names]), made["solver.rhs_evaluations"][-1]
 
     right, _ = run({"solver.rtol": 1e-8})
-    cases = ({"solver.method": "bdf"}, {"accuracy": 1e-2}, {})
+    cases = ({"solver.method": "bdf"}, {"accuracy": 5e-2}, {})
     (bdf, of_bdf), (loose, of_loose), (default, _) = (
         (np.max(np.abs(peaks / right - 1.0)), count) for peaks, count in map(run, cases)
     )
-    print(f"errors of peaks: bdf {bdf:.0e}, accuracy 1e-2 {loose:.0e}, default {default:.0e}")
+    print(f"errors of peaks: bdf {bdf:.0e}, accuracy 5e-2 {loose:.0e}, default {default:.0e}")
     assert loose < bdf
     assert of_loose < of_bdf
     assert default < 0.02 * bdf

@@ -326,7 +326,7 @@ void add_solver_outputs(Table& table, Outputs& out, bool has_comparison) {
   table
       .output(
           "solver.error_estimate", &out.solver_error_estimate, kNone,
-          "With accuracy: relative error that 95 % of the measured dockings stayed below with "
+          "With accuracy: relative error that 98 % of the measured dockings stayed below with "
           "the method and tolerances in use (a statistical value); with solver.measure_error: of "
           "this run until now; 0 = no value")
       .limits(0, 1)

@@ -261,7 +261,7 @@ std::string describe_choice(const Parameters& p, const SolverChoice& c, const Me
   }
   if (c.error_estimate > 0.0) {
     std::snprintf(text, sizeof text,
-                  "; 95 %% of %d measured dockings had an error below %.3g with these tolerances",
+                  "; 98 %% of %d measured dockings had an error below %.3g with these tolerances",
                   table.dockings, c.error_estimate);
     sentence += text;
   } else if (!method.fixed_step && p.accuracy != kRealTime) {

@@ -22,7 +22,7 @@ namespace dockloop {
 struct SolverChoice : SolverSettings {
   bool needs_step = false;      ///< `step` follows from the equations at the start
   double atol_scale = 1.0;      ///< of chosen absolute tolerances: a slow docking is smaller
-  double error_estimate = 0.0;  ///< [-] 95 % of the measured dockings were below; 0 = not known
+  double error_estimate = 0.0;  ///< [-] 98 % of the measured dockings were below; 0 = not known
   std::string stated;           ///< names of explicit settings, with commas
 };
 

@@ -63,9 +63,9 @@ REFERENCE_WITH_BRISTLES = ("explicit", 1e-12, 1e-11, 1e-10, 1e-9)  # the first t
 TIGHTER = 10.0  # a reference solution with bristles has at most a tenth of the tolerance
 KNOWN = 1e-7  # smaller errors may be those of the reference solution: a ladder ends there
 WANTED = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6, 3e-7)  # rows
-# The promise is 95 % of dockings that nobody measured. From 95 % of the measured ones, 89 to 98 %
-# of others kept it: some dozen dockings do not show a share any better. So it is MARGIN times the
-# error of 98 % of them, and 99 % are within WORST times of it.
+# The promise is 95 % of all dockings. From 95 % of the measured ones, 89 to 98 % of others kept it:
+# some dozen dockings do not show a share any better. So it is MARGIN times the error of 98 % of
+# them, and 99 % are within WORST times of it.
 SHARES = (0.98, 0.99)
 MARGIN, WORST = 1.2, 4.0
 
@@ -770,7 +770,7 @@ def describe_check(rows):
         "## Error estimates",
         "`solver.error_estimate` of the same runs. With `solver.measure_error` it is measured, by a"
         " companion with smaller tolerances. Otherwise it is a statistical value, an"
-        " upper limit for 95 % of dockings, so most errors are much smaller.",
+        " upper limit for 98 % of the measured dockings, so most errors are much smaller.",
         estimates,
     ]
 
