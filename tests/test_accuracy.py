@@ -326,6 +326,8 @@ def test_a_smaller_accuracy_than_any_measured_one_is_said():
     made = run(accuracy=1e-12)
     assert "no smaller error than" in made.notes[0]
     assert last(made, "error_estimate") > 1e-8
+    assert last(made, "chosen_rtol") == 2e-11
+    assert last(run(accuracy=1e-7), "chosen_rtol") < last(run(accuracy=3e-7), "chosen_rtol")
 
 
 # ---------------------------------------------------------------------------- explicit settings
