@@ -78,6 +78,7 @@ class Stepper {
     bool is_implicit = false;   ///< the next step is linearly implicit (kSwitching)
     int count = 0;              ///< steps in a row that speak for the other method
     int made = 0, wait = 0;     ///< steps since the last trial, and before the next one
+    int stay = 0;               ///< linearly implicit steps before the next look at explicit ones
   };
   /// What is known where the integration starts.
   struct Known {

@@ -3,7 +3,8 @@
 // Drives, brakes and legs make the equations stiff in some phases of a run, and contact needs short
 // steps in others. Explicit steps that wait at the stability limit give way to linearly implicit
 // ones; these give way again where their error control asks for steps as short as those. A trial
-// that fails makes the next one later.
+// that fails makes the next one later. What was stiff may be over: from time to time a few explicit
+// steps find out how long they would be now.
 #include <algorithm>
 #include <utility>
 
@@ -19,6 +20,8 @@ constexpr double kShortStep = 1.2;  ///< linearly implicit steps below so many s
 constexpr int kShortSteps = 5;      ///< in a row, before explicit steps return
 constexpr int kProvenSteps = 20;    ///< after which a trial counts as a success
 constexpr int kLongestWait = 640;   ///< [steps]
+/// Linearly implicit steps before explicit ones are tried: the first time, and at most.
+constexpr int kFirstStay = 500, kLongestStay = 8000;
 
 class SwitchingSolver : public Solver {
  public:
@@ -79,15 +82,21 @@ class SwitchingSolver : public Solver {
   /// After an accepted step: how the next one is made.
   void update_pace() {
     if (pace_.is_implicit) {
-      pace_.made = std::min(pace_.made + 1, kProvenSteps);
-      if (pace_.made == kProvenSteps) pace_.wait = 0;
+      if (++pace_.made == kProvenSteps) pace_.wait = 0;
       pace_.count = h_ < kShortStep * pace_.stable ? pace_.count + 1 : 0;
-      if (pace_.count >= kShortSteps) change(false, pace_.stable);
+      if (pace_.count >= kShortSteps) {
+        change(false, pace_.stable);
+      } else if (const int stay = std::max(pace_.stay, kFirstStay); pace_.made >= stay) {
+        pace_.stay = std::min(2 * stay, kLongestStay);
+        pace_.fastest_rate = 0.0;  // is of the time before
+        change(false, pace_.stable);
+      }
       return;
     }
     pace_.fastest_rate = used_->pace().fastest_rate;
-    if (!(h_ * pace_.fastest_rate > kWorthTrial * kStabilisedInterval)) {
-      pace_.count = 0;
+    const double worth = pace_.stay > 0 ? kShortStep : kWorthTrial;  // as before a look
+    if (!(h_ * pace_.fastest_rate > worth * kStabilisedInterval)) {
+      pace_.count = pace_.stay = 0;
       return;
     }
     constexpr int kFirstWait = 5;

@@ -261,6 +261,34 @@ TEST(StiffProblems, are_cheaper_with_stabilised_steps_and_as_accurate) {
   EXPECT_LT(error[1], 1e-4);
 }
 
+TEST(StiffProblems, that_become_smooth_are_handed_back_to_explicit_steps) {
+  // Tight tolerances make linearly implicit steps short, but not as short as explicit ones were.
+  Stepper::Problem problem;
+  problem.size = 1;
+  problem.rates = [](double t, const double* y, double* ydot) {
+    const double k = t < 0.5 ? 1e6 : 1.0;
+    ydot[0] = -k * (y[0] - std::cos(t)) - std::sin(t);
+    return 0;
+  };
+  long evaluations[2];
+  const Method methods[] = {Method::kStabilised, Method::kSwitching};
+  for (int i = 0; i < 2; ++i) {
+    problem.matrix = make_dense_matrix(problem);
+    Stepper stepper(problem, methods[i]);
+    set_tolerance(stepper, 1, 1e-12);
+    stepper.y()[0] = 1.0;
+    stepper.restart(0.0, 0.0);
+    ASSERT_TRUE(run_to(stepper, 0.6));
+    const long before = stepper.rate_evaluations();
+    ASSERT_TRUE(run_to(stepper, 30.0));
+    EXPECT_NEAR(stepper.y()[0], std::cos(30.0), 1e-9);
+    evaluations[i] = stepper.rate_evaluations() - before;
+    std::printf("%ld of %ld evaluations after the stiff time\n", evaluations[i],
+                static_cast<long>(stepper.rate_evaluations()));
+  }
+  EXPECT_LT(evaluations[1], 5000 + 2 * evaluations[0]);
+}
+
 TEST(StiffProblems, that_begin_inside_a_step_leave_no_rate_of_stages_that_are_far_off) {
   // A ball flies freely, so steps grow, and meets a wall of cubic stiffness. Stages of the long
   // step that meets it lie a metre deep.
