@@ -2,6 +2,7 @@
 
 import re
 import shutil
+import signal
 import zipfile
 from contextlib import contextmanager
 
@@ -14,6 +15,7 @@ from fmpy.validation import validate_fmu
 from lark import Lark
 
 from conftest import SCENES
+from dockloop.fmu.host import Instance, run_fmu
 
 DEFAULT = "idss_25t_350t"
 VARIANTS = [
@@ -248,3 +250,23 @@ def test_the_communication_step_does_not_matter_beyond_the_tolerance(runs):
     fine = runs.run(DEFAULT, stop=3.0, step=0.01)
     difference = coarse.vector("relative.position")[-1] - fine.vector("relative.position")[-1]
     assert np.max(np.abs(difference)) < 1e-5
+
+
+def test_ctrl_c_is_not_lost_where_the_fmu_logs(runs, monkeypatch):
+    log, asked = Instance._on_log, []
+
+    def on_log(self, *about):
+        asked.append(self.time)
+        signal.raise_signal(signal.SIGINT)
+        log(self, *about)
+
+    monkeypatch.setattr(Instance, "_on_log", on_log)
+    # Where tests run in the background, Ctrl-C is ignored.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            run_fmu(runs.fmu("absorber_1d"), ["accuracy=1e-3"])
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert set(asked) == {0.0}  # before the second step, and not at the end

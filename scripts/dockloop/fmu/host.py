@@ -11,6 +11,7 @@ import os
 import time
 import zipfile
 from collections.abc import Callable, Collection, Iterable, Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,7 @@ from dockloop.base.errors import (
 from dockloop.base.files import filling, scratch
 from dockloop.base.number import read_number, read_whole
 from dockloop.base.paths import check_file, shown
+from dockloop.base.system import interrupting_later
 from dockloop.fmu.binaries import find_loadable
 from dockloop.native.variables import WORDS, find_number, fits, list_names, match_names, say_matches
 from dockloop.result.recording import Result, list_points, warn_of_driven
@@ -137,6 +139,8 @@ class Instance:
         self._label, self._folder = label, folder
         self._log: list[str] = []
         self.time = 0.0  # that the last step has led to [s]
+        self._stack = ExitStack()
+        self.interrupt: Callable[[], None] = lambda: None  # if that was asked for in a call
         self.warnings: list[str] = []
         self.notes: list[str] = []
         # The callbacks must live as long as the instance, so they are kept here.
@@ -172,10 +176,12 @@ class Instance:
         except Exception as error:  # noqa: BLE001  FMPy raises a bare Exception here
             self.slave.freeLibrary()
             raise UsageError(self.sentence(error)) from None
+        self.interrupt = self._stack.enter_context(interrupting_later())  # the FMU calls `_on_log`
+        self._stack.callback(self.slave.freeInstance)
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.slave.freeInstance()
+        self._stack.close()
 
     def initialise(
         self, starts: list[tuple], times: np.ndarray, begins: Mapping[str, str] | None = None
@@ -230,6 +236,7 @@ class Instance:
         """
         do_step, component = self.slave.fmi2DoStep, self.slave.component
         points, stepping, reading, last = times.tolist(), 0.0, 0.0, len(times) - 1
+        interrupt = self.interrupt
         began = clock()
         try:
             recorder.read(0, points[0])
@@ -237,6 +244,7 @@ class Instance:
                 t0 = clock()
                 do_step(component, points[i], points[i + 1] - points[i], fmi2.fmi2True)
                 t1 = clock()
+                interrupt()
                 recorder.read(i + 1, points[i + 1])
                 t2 = clock()
                 stepping += t1 - t0

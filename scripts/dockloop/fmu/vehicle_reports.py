@@ -267,6 +267,7 @@ class VehicleFmu:
             slave.doStep(time, step)
         except FMICallException as error:
             raise DockloopError(self._instance.sentence(error)) from None
+        self._instance.interrupt()
         self._read()
 
     def _read(self) -> None:
