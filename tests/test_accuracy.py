@@ -322,6 +322,18 @@ def test_equal_steps_that_are_long_for_the_scene_are_warned_of(method, step, war
     assert any(w.startswith(f"solver.step = {step:.3g} s is long") for w in made.warnings) == warned
 
 
+def test_a_failure_of_equal_steps_that_are_too_long_names_the_step():
+    stiff = {"contact.stiffness": 2e8, "contact.node_stiffness": 2e7}
+    for method, remedy in (("fixed_rosenbrock", True), ("rosenbrock", False)):
+        settings = {"solver.method": method, "solver.step": 2e-3}
+        try:
+            dl.run(SCENE, stiff, settings, stop=2.5, step=STEP)
+            refused = ""
+        except dl.DockloopError as error:
+            refused = str(error)
+        assert ("or solver.step is too long for what happens there" in refused) == remedy
+
+
 def test_a_smaller_accuracy_than_any_measured_one_is_said():
     made = run(accuracy=1e-12)
     assert "no smaller error than" in made.notes[0]

@@ -156,15 +156,13 @@ def test_runs_go_on_if_the_data_leave_them(tmp_path, monkeypatch):
 
 
 def test_a_shift_that_leaves_most_samples_out_is_said(tmp_path):
-    """From a stiffness that is far away the search finds a shift at which 16 of 307 are left."""
+    """The run ends before most of the data are over."""
     rig = write_rig(tmp_path / "rig.csv")
-    vary = {K: (STIFFNESS + 500.0, 1e5), C: RANGES[C]}
-    found = fit(rig, vary=vary)
+    found = fit(rig, stop=2.0)
     counted = found.residuals["rig"]["relative.axial"]["samples"]
     assert counted < 0.5 * len(TIME)
     assert f"only {counted} of {len(TIME)} samples" in found.summary["hidden"][0]
-    stated = fit(rig, vary=vary, shift=-CLOCK)
-    assert stated.summary["at_bound"] == [K]
+    stated = fit(rig, stop=2.0, shift=-CLOCK)
     assert not any("samples" in each for each in stated.summary["hidden"])
 
 

@@ -128,12 +128,28 @@ def test_data_of_the_run_itself_that_go_on_behind_its_end_need_no_shift():
     assert find_shift(run, data) == 0.0
 
 
+@pytest.mark.parametrize(
+    ("scene", "overrides", "step"),
+    [
+        ("absorber_1d", {"chaser.mass": 26000}, 0.01),
+        ("hexapod", {"initial.closing_speed": 0.11}, 0.05),
+    ],
+)
+def test_two_whole_runs_with_one_clock_need_nearly_no_shift(scene, overrides, step):
+    """Rounding, counters and constants of other values once found a shift out of the run."""
+    run, other = (dl.run(scene, keys, stop=5.0, step=step) for keys in ({}, overrides))
+    data = Data(other.time, other.names[1:], other.units[1:], other.values[:, 1:])
+    assert abs(find_shift(run, data)) < 0.1
+
+
 def test_the_shift_that_leaves_the_run_is_named(dockloop, tmp_path):
     dockloop.succeed("run", "absorber_1d", "-o", tmp_path / "own.csv", "--no-plots")
     rig = tmp_path / "rig.csv"
-    rig.write_text("time,capture.compression\n0,0\n0.2,900\n0.7,1750\n1.5,800\n")
+    rig.write_text("time,capture.compression,gap\n0,0,\n0.2,900,\n0.7,1750,\n1.5,800,0.1\n")
     found = dockloop("compare", tmp_path / "own.csv", rig)
-    assert "run from 0 to 5 s at the shift of 4.8001 s that was found: give" in found.err
+    said = "1 samples of 'gap' fall into the run from 0 to 5 s at the shift of"
+    assert said in found.err
+    assert "s that was found: give" in found.err
     given = dockloop("compare", tmp_path / "own.csv", rig, "--shift", "9")
     assert "at the shift of 9 s that was given: give" in given.err
 

@@ -69,10 +69,13 @@ def test_a_current_folder_that_is_gone_is_named(tmp_path, output):
     assert (done.returncode, done.stderr) == (2, f"dockloop: {GONE}")
 
 
-def test_a_script_in_a_folder_that_is_gone_gets_the_error_of_this_package(tmp_path):
+@pytest.mark.parametrize(
+    "work", ["dl.sweep('absorber_1d_speeds', output='own.parquet')", "run.view('own.html')"]
+)
+def test_a_script_in_a_folder_that_is_gone_gets_the_error_of_this_package(tmp_path, work):
     done = run_python(
-        "import os, dockloop as dl\nos.mkdir('gone')\nos.chdir('gone')\nos.rmdir('../gone')\n"
-        "dl.sweep('absorber_1d_speeds', output='own.parquet')\n",
+        "import os, dockloop as dl\nrun = dl.run('absorber_1d', stop=0.1)\n"
+        f"os.mkdir('gone')\nos.chdir('gone')\nos.rmdir('../gone')\n{work}\n",
         tmp_path,
     )
     assert done.stderr.endswith(f"dockloop.base.errors.UsageError: {GONE}")

@@ -233,6 +233,16 @@ def test_loads_above_rated_are_events(docking):
     assert events["contact"]["time"] <= found["time"] <= events["peak_compression"]["time"]
 
 
+def test_limits_of_the_model_are_events_and_stand_at_the_head(tmp_path):
+    run = dl.run("idss_25t_350t", {"initial.closing_speed": 2.0}, stop=2.5, step=0.02)
+    run.view(tmp_path / "page.html")
+    data = read_page(tmp_path / "page.html")
+    found = {e["key"]: e for e in data["events"]}["limit_overlap"]
+    assert found["text"] == "the mating planes of A and P overlap"
+    assert found["time"] == run["limits.overlap.time"][-1]
+    assert f"{found['text']} at {found['time']:.3f} s" in data["meta"]["sentence"]
+
+
 def test_passive_petals_face_the_active_ones(page):
     """As in src/contact/guide_ring.cpp: a turn by pi about the axis at azimuth 30 deg."""
     ring = read_page(page)["geometry"]["ring"]

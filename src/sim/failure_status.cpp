@@ -5,6 +5,25 @@
 #include "sim/sim_impl.hpp"
 
 namespace dockloop {
+namespace {
+
+/// May a state of this kind be that of an equal step which is too long?
+bool is_due_to_step(StatusCode code) {
+  switch (code) {
+    case StatusCode::kOutOfReach:
+    case StatusCode::kLoopSingular:
+    case StatusCode::kBranchChanged:
+    case StatusCode::kLoopNotClosed:
+    case StatusCode::kContactTooDeep:
+    case StatusCode::kContactFlipped:
+    case StatusCode::kNotFinite:
+      return true;
+    default:
+      return false;
+  }
+}
+
+}  // namespace
 
 std::string DockingSim::Impl::describe(const Status& status) const {
   char text[400];
@@ -22,7 +41,9 @@ std::string DockingSim::Impl::describe(const Status& status) const {
                     loop().c_str(), status.margin);
       break;
     case StatusCode::kLoopSingular:
-      std::snprintf(text, sizeof text, "loop '%s' is singular (margin %.3g, limit %.1g)",
+      std::snprintf(text, sizeof text,
+                    "loop '%s' is singular (margin %.3g, limit %.1g): no forces are determined in "
+                    "such a pose; keep the motion away from it, by a stop or another geometry",
                     loop().c_str(), status.margin, mechanism.singularity.error);
       break;
     case StatusCode::kBranchChanged:
@@ -103,7 +124,10 @@ std::string DockingSim::Impl::describe(const Status& status) const {
   }
   if (status.time > 0.0) {
     const size_t used = std::strlen(text);
-    std::snprintf(text + used, sizeof text - used, " at t = %.9g s", setup->t_start + status.time);
+    std::snprintf(text + used, sizeof text - used, " at t = %.9g s%s", setup->t_start + status.time,
+                  is_due_to_step(status.code) && step_loop && step_loop->method().is_fixed_step()
+                      ? "; or solver.step is too long for what happens there: shorten it"
+                      : "");
   }
   return text;
 }

@@ -36,7 +36,13 @@ from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
 from dockloop.base import paths
-from dockloop.base.errors import FULL, DockloopError, UsageError, find_reason
+from dockloop.base.errors import (
+    FULL,
+    DockloopError,
+    UsageError,
+    check_current_folder,
+    find_reason,
+)
 from dockloop.base.paths import SCRATCH, shown
 from dockloop.base.schema import known_members, load_schema
 
@@ -138,6 +144,8 @@ def claim(path: Path, kind: Kind, option: str = "-o") -> None:
     place, other = shown(path), f"choose another {option}"
     if "\0" in str(path):
         raise UsageError(f"{place}: no file can have this name: {other}")
+    if not path.is_absolute():
+        check_current_folder()
     real = Path(os.path.realpath(path))  # a link stays what it is, its file is replaced
     try:
         mode = real.stat().st_mode

@@ -95,8 +95,8 @@ def find_influence(inputs: np.ndarray, outcome: np.ndarray, seed: int = 0) -> In
     totals = process.draw_totals(random)
     low, value, high = np.percentile(totals, _TAILS, axis=0)
     unknown = 1.0 - process.score
-    bounds = np.clip([low - unknown, high + unknown], 0.0, 1.0)
-    shares = [Share(*map(float, each)) for each in np.column_stack([value, *bounds])]
+    parts = np.clip([value, low - unknown, high + unknown], 0.0, 1.0)
+    shares = [Share(*map(float, each)) for each in parts.T]
     return Influence(process.score, shares, len(outcome))
 
 

@@ -25,6 +25,7 @@ from dockloop.base.version import __version__
 from dockloop.native.core import list_choices, list_loads
 from dockloop.native.variables import VEHICLES
 from dockloop.report.run import say_outcome
+from dockloop.result.limits import find_exceeded
 from dockloop.result.peaks import find_peak
 from dockloop.result.recording import Result
 from dockloop.view import geometry, parts
@@ -144,7 +145,7 @@ def make_data(run: Result, command: str | None = None) -> dict:
         "meta": {
             "name": run.scene["name"],
             "title": run.scene["title"],
-            "sentence": describe_outcome(run),
+            "sentence": "; ".join([describe_outcome(run), *_list_limits(events)]),
             "command": command,
             "version": __version__,
             "samples": len(rows),
@@ -330,7 +331,7 @@ def _check_fit(run: Result, poses: dict[str, np.ndarray], shapes: dict) -> float
 
 
 def find_events(run: Result) -> list[dict]:
-    """Return start, first contact, capture, peaks of loads, loads above rated, end, by time.
+    """Return start, first contact, capture, peaks of loads, passed limits, end, by time.
 
     The index of an event is that of the first sample at which the event is over.
     """
@@ -349,6 +350,9 @@ def find_events(run: Result) -> list[dict]:
     ):
         if name in run and run[name][-1] >= 0.0:
             add(key, text, float(run[name][-1]))
+    for limit in find_exceeded(run):
+        if limit["name"] != "load":  # below, each load apart
+            add(f"limit_{limit['name']}", limit["happened"], limit["time"])
     rated = run.scene["mechanism"].get("limits", {})
     peaks = []
     for name, unit in list_loads().items():
@@ -383,6 +387,11 @@ def find_events(run: Result) -> list[dict]:
     last = len(times) - 1
     events.append({"key": "end", "text": "end", "time": float(times[-1]), "index": last})
     return sorted(events, key=lambda event: (event["time"], event["key"] == "end"))
+
+
+def _list_limits(events: list[dict]) -> list[str]:
+    """Return what was passed, and when, for the head of the page."""
+    return [f"{e['text']} at {e['time']:.3f} s" for e in events if e["key"].startswith("limit")]
 
 
 def _choose_rows(run: Result, events: list[dict], limit: int) -> np.ndarray:

@@ -2,11 +2,13 @@
 
 The shift is the one with the smallest sum of squares over all columns, each divided by its own
 variance or that of the run, the larger one. So a column in a wrong unit does not decide alone.
-In the first search, samples outside of the run count as if the run had the mean of the
-column there, so that a small overlap does not win. The second search, near the first, counts only
-samples inside. No shift is a candidate, too: it wins if it is better in one search and no worse in
-the other. An unknown offset or factor of a column is the best one for each shift. All other figures
-are those of the overlap.
+Counters, residuals and times of events say nothing of a shift, nor does a column that has no value
+in common with the run: they do not take part. Of many columns the first ones of motion and loads
+do. In the first search, a quarter of the shorter side overlaps at least, and samples outside of the
+run count as if the run had the mean of the column there, so that a small overlap does not win. The
+second search, near the first, counts only samples inside. No shift is a candidate, too: it wins if
+it is better in one search and no worse in the other. An unknown offset or factor of a column is the
+best one for each shift. All other figures are those of the overlap.
 """
 
 from collections.abc import Callable, Collection, Mapping
@@ -23,6 +25,9 @@ from dockloop.native.variables import VEHICLES
 from dockloop.result.recording import Result
 
 _SHIFTS, _SAMPLES = 2001, 2000  # of a search; the result is refined with all samples
+_COLUMNS = 40  # that are searched at most
+_LEAST = 0.25  # part of the shorter side that overlaps in the first search
+_MOTION = ("relative.", "capture.", "ring.", "leg[", "contact.")  # names of these come first
 _NEAR = 0.05  # part of the shorter side that the second search covers, both ways
 _GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 _Samples = dict[str, tuple[np.ndarray, np.ndarray]]  # by column: time and values
@@ -110,12 +115,16 @@ def find_shift(run: Result, data: Data, unknowns: Mapping[str, Collection[str]] 
     """
     everywhere = np.ones(len(data.time), dtype=bool)
     every = {name: read_samples(data, name, everywhere, 0.0) for name in data.names}
-    every = {n: (t, v) for n, (t, v) in every.items() if np.ptp(v) > 0.0 and not is_choice(n)}
+    every = {n: (t, v) for n, (t, v) in every.items() if np.ptp(v) > 0.0 and _has_phase(n)}
+    every = {n: of for n, of in every.items() if unknowns.get(n) or _do_meet(of[1], run[n])}
+    chosen = sorted(every, key=lambda name: not name.startswith(_MOTION))[:_COLUMNS]
+    every = {name: every[name] for name in chosen}
     if not every:
         return 0.0
     scales = {name: float(max(np.var(v), np.var(run[name]))) for name, (_, v) in every.items()}
     some = {name: _thin(time, values) for name, (time, values) in every.items()}
-    first = run.time[0] - data.time[-1], run.time[-1] - data.time[0]
+    least = _LEAST * min(np.ptp(run.time), np.ptp(data.time))
+    first = run.time[0] - data.time[-1] + least, run.time[-1] - data.time[0] - least
 
     def calc(shift: float, samples: _Samples, *, has_penalty: bool) -> float:
         return _calc_cost(run, samples, scales, unknowns, shift, has_penalty=has_penalty)
@@ -193,6 +202,18 @@ def _minimise(function: Callable[[float], float], low: float, high: float) -> fl
             b = low + _GOLDEN * (high - low)
             at_b = function(b)
     return 0.5 * (low + high)
+
+
+def _do_meet(a: np.ndarray, b: np.ndarray) -> bool:
+    """Return whether two columns have values in common."""
+    return bool(max(a.min(), b.min()) <= min(a.max(), b.max()))
+
+
+def _has_phase(name: str) -> bool:
+    """Return whether an output follows the motion: a shift of time shows in it."""
+    is_event = name.endswith(("_time", "_step", ".time")) or ".peak" in name or "time_" in name
+    is_audit = name.startswith(("solver.", "coupling.", "limits.")) or name.endswith(".residual")
+    return not (is_choice(name) or is_event or is_audit)
 
 
 def is_choice(name: str) -> bool:

@@ -602,7 +602,13 @@
 
   // ------------------------------------------------------------------ curves
 
-  const nice = (x) => (Math.abs(x) >= 1000 ? x.toFixed(0) : String(Number(x.toPrecision(3))));
+  /** A number for a narrow margin. */
+  function nice(x) {
+    const size = Math.abs(x);
+    if (size >= 1000) return x.toFixed(0);
+    const short = Number(x.toPrecision(3));
+    return size > 0 && size < 1e-3 ? short.toExponential() : String(short);
+  }
   const name2 = (text) => text.replace(/^.*\[(\d+)\].*$/, '$1');
   const figures = [];
   const LEFT = 52, RIGHT = 38; // margins of a curve, for the labels of the ordinate [px]
