@@ -145,7 +145,7 @@ def make_data(run: Result, command: str | None = None) -> dict:
         "meta": {
             "name": run.scene["name"],
             "title": run.scene["title"],
-            "sentence": "; ".join([describe_outcome(run), *_list_limits(events)]),
+            "sentence": "; ".join([describe_outcome(run), *_list_limits(run)]),
             "command": command,
             "version": __version__,
             "samples": len(rows),
@@ -389,9 +389,9 @@ def find_events(run: Result) -> list[dict]:
     return sorted(events, key=lambda event: (event["time"], event["key"] == "end"))
 
 
-def _list_limits(events: list[dict]) -> list[str]:
+def _list_limits(run: Result) -> list[str]:
     """Return what was passed, and when, for the head of the page."""
-    return [f"{e['text']} at {e['time']:.3f} s" for e in events if e["key"].startswith("limit")]
+    return [f"{row['happened']} at {row['time']:.3f} s" for row in find_exceeded(run)]
 
 
 def _choose_rows(run: Result, events: list[dict], limit: int) -> np.ndarray:

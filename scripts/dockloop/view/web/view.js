@@ -518,14 +518,18 @@
       }
     }
 
-    /** Where to look: the ring, or the middle of the interfaces; axes of the scene. */
-    function findMiddle(what) {
+    /** Where to look: the ring, or the interfaces; axes of the scene. */
+    function listPoints(what) {
       const points = [];
       if (hasRing) points.push(ring.position.clone());
       if (what !== 'ring') points.push(new T.Vector3());
       if (what !== 'ring' && hasTarget) points.push(target.position.clone());
       if (!points.length) points.push(new T.Vector3());
-      return points.reduce((sum, p) => sum.add(p), new T.Vector3()).divideScalar(points.length).applyMatrix4(world.matrix);
+      return points.map((p) => p.applyMatrix4(world.matrix));
+    }
+    function findMiddle(what) {
+      const points = listPoints(what);
+      return points.reduce((sum, p) => sum.add(p), new T.Vector3()).divideScalar(points.length);
     }
     const DIRECTIONS = {
       oblique: [-0.62, -1, 0.62], side: [0, -1, 0.0001], top: [0, -0.0001, 1], front: [1, -0.0001, 0], axis: [-1, -0.0001, 0],
@@ -535,6 +539,7 @@
       const direction = vector(DIRECTIONS[name]).normalize(), middle = findMiddle(name);
       let radius = (hasTarget ? 1.15 : 1.05) * extent;
       if (name === 'ring') radius = 0.95 * extent;
+      else for (const p of listPoints(name)) radius = Math.max(radius, p.distanceTo(middle) + 0.6 * extent); // far apart
       if (name === 'vehicles') {
         const bounds = new T.Box3();
         world.updateMatrixWorld(true);
