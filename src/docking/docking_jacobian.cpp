@@ -64,9 +64,9 @@ Status calc_docking_pass(const DockingModel& model, const DiscreteState& discret
 Status calc_docking_jacobian(const DockingModel& model, const DiscreteState& discrete,
                              const ContactMemory& memory, const DockingData<double>& at,
                              const Loads& loads, double t, const double* y, DockingPass& pass,
-                             MatX<double>& jacobian) {
+                             MatX<double>& jacobian, bool with_contact_bristles) {
   const StateLayout& layout = model.layout;
-  const int bristles_end = layout.bristles + layout.bristle_count;
+  const int bristles_end = layout.bristles + (with_contact_bristles ? layout.bristle_count : 0);
   start_docking_pass(model, loads, t, y, pass);
   jacobian.setZero();
   // Two ranges of columns: poses and momenta, then bristles.

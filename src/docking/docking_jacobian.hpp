@@ -44,10 +44,11 @@ Status calc_docking_pass(const DockingModel& model, const DiscreteState& discret
                          DockingPass& pass);
 
 /// Rates by states, d ydot / d y: square, sized by the caller. No rate depends on sums
-/// and impulses; their columns are zero and cost nothing.
+/// and impulses; their columns are zero and cost nothing. So are those of bristles of contacts
+/// where they are not wanted: there may be hundreds.
 Status calc_docking_jacobian(const DockingModel& model, const DiscreteState& discrete,
                              const ContactMemory& memory, const DockingData<double>& at,
                              const Loads& loads, double t, const double* y, DockingPass& pass,
-                             MatX<double>& jacobian);
+                             MatX<double>& jacobian, bool with_contact_bristles = true);
 
 }  // namespace dockloop

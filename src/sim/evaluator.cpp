@@ -116,10 +116,10 @@ Status Evaluator::aside(double tau, const double* y, double* ydot, Need need) {
   return calc(tau, y, ydot, need, *trial_);
 }
 
-Status Evaluator::calc_jacobian(double tau, const double* y) {
+Status Evaluator::calc_jacobian(double tau, const double* y, bool with_contact_bristles) {
   DOCK_ASSERT(pass_);
   return calc_docking_jacobian(*model_, state_.discrete, state_.memory, *trial_, loads_.at(tau),
-                               state_.elapsed + tau, y, *pass_, jacobian_);
+                               state_.elapsed + tau, y, *pass_, jacobian_, with_contact_bristles);
 }
 
 Status Evaluator::build_matrix(double tau, const double* y, bool is_accepted, bool renews,

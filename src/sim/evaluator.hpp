@@ -72,7 +72,7 @@ class Evaluator {
   /// Everything, into `trial`, without a key: for other purposes than the integration.
   Status aside(double tau, const double* y, double* ydot, Need need = Need::kState);
   /// Derivatives of the rates. @pre reserve_jacobian(); aside() at this state
-  Status calc_jacobian(double tau, const double* y);
+  Status calc_jacobian(double tau, const double* y, bool with_contact_bristles = true);
   const MatX<double>& jacobian() const { return jacobian_; }
 
   /// Structured matrix at the state whose rates the integrator has asked for last.

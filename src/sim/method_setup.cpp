@@ -261,7 +261,7 @@ double DockingSim::Impl::find_rate_at_start() {
   evaluator->reserve_jacobian();
   MatX<double> jacobian;
   if (evaluator->aside(0.0, step_loop->y(), nullptr).ok() &&
-      evaluator->calc_jacobian(0.0, step_loop->y()).ok()) {
+      evaluator->calc_jacobian(0.0, step_loop->y(), false).ok()) {
     const MatX<double>& all = evaluator->jacobian();
     const Eigen::Index count = model->layout.bristle_count, before = model->layout.bristles,
                        after = all.rows() - before - count;
