@@ -8,12 +8,12 @@ only a defect of this program shows a traceback, and only with ``--debug``.
 import os
 import signal
 import sys
-import threading
 from argparse import SUPPRESS
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 from dockloop.base.errors import DockloopError, UsageError, explain, naming_options
+from dockloop.base.system import ENDING, handling
 from dockloop.base.version import __version__
 from dockloop.commands import COMMANDS, load_command
 from dockloop.commands.arguments import Command
@@ -37,7 +37,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if hasattr(sys.stdout, "reconfigure"):  # names of files may hold what a terminal cannot show
         sys.stdout.reconfigure(errors="backslashreplace")
     try:
-        with _ended_by_signals(), _alone(), naming_options():
+        # As after Ctrl-C, files that are not whole go.
+        ended = handling(ENDING, signal.SIG_DFL, signal.default_int_handler)
+        with ended, _alone(), naming_options():
             options.run(options)
         write("", end="")
     except DockloopError as error:
@@ -84,21 +86,6 @@ def _check_streams() -> None:
     if sys.stdout is None:
         write_failure("standard output is closed: let it go to a file, or to /dev/null")
         sys.exit(UsageError.exit_status)
-
-
-@contextmanager
-def _ended_by_signals() -> Iterator[None]:
-    """Let a request to end, or a terminal that goes, end the work as Ctrl-C does: files go too."""
-    names = ("SIGTERM", "SIGHUP") if threading.current_thread() is threading.main_thread() else ()
-    numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
-    taken = [number for number in numbers if signal.getsignal(number) is signal.SIG_DFL]
-    for number in taken:
-        signal.signal(number, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        for number in taken:
-            signal.signal(number, signal.SIG_DFL)
 
 
 def _make_parser(words: Sequence[str]) -> Command:

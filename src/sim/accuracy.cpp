@@ -43,7 +43,7 @@ double find_velocity_limit(const DockingModel& model) {
   return limit;
 }
 
-/// Relative tolerance where the rounding of long sums begins to count.
+/// The smallest relative tolerance that is chosen beyond the measured ones.
 constexpr double kTightest = 2e-11;
 
 /// Rows of one method: wanted error and tolerance, both fall from row to row.

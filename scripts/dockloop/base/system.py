@@ -4,13 +4,14 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import IO, Any
 
 _FAR = 1 << 40  # bytes: Windows locks a place of a file, where no program can read then
 CAN_REPLACE_OPEN_FILES = sys.platform != "win32"
 
+ENDING = ("SIGTERM", "SIGHUP")  # a request to end, a terminal that goes
 ENGINES = ("auto", "core", "fmu")  # that run the cases of a sweep
 
 
@@ -39,15 +40,27 @@ def count_processors() -> int:
 
 
 @contextmanager
+def handling(names: Sequence[str], present: Any, handler: Any) -> Iterator[None]:
+    """Let signals that `present` handles be handled by `handler`; Python allows the main thread."""
+    is_main = threading.current_thread() is threading.main_thread()
+    numbers = [getattr(signal, name) for name in names if is_main and hasattr(signal, name)]
+    taken = [number for number in numbers if signal.getsignal(number) is present]
+    for number in taken:
+        signal.signal(number, handler)
+    try:
+        yield
+    finally:
+        for number in taken:
+            signal.signal(number, present)
+
+
+@contextmanager
 def interrupting_later() -> Iterator[Callable[[], None]]:
     """Let Ctrl-C and requests to end wait while C code calls back, where exceptions are lost.
 
     Yields:
         A function that interrupts if that was asked for meanwhile. So does the end.
     """
-    numbers = [getattr(signal, n) for n in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, n)]
-    is_main = threading.current_thread() is threading.main_thread()
-    raising = [n for n in numbers if is_main and signal.getsignal(n) is signal.default_int_handler]
     asked: list[tuple[Any, ...]] = []
 
     def interrupt() -> None:
@@ -56,11 +69,11 @@ def interrupting_later() -> Iterator[Callable[[], None]]:
             asked.clear()
             signal.default_int_handler(*about)
 
-    for number in raising:
-        signal.signal(number, lambda *about: asked.append(about))
+    def wait(*about: Any) -> None:
+        asked.append(about)
+
     try:
-        yield interrupt
+        with handling((*ENDING, "SIGINT"), signal.default_int_handler, wait):
+            yield interrupt
     finally:
-        for number in raising:
-            signal.signal(number, signal.default_int_handler)
         interrupt()

@@ -244,12 +244,12 @@ class Instance:
                 t0 = clock()
                 do_step(component, points[i], points[i + 1] - points[i], fmi2.fmi2True)
                 t1 = clock()
-                interrupt()
                 recorder.read(i + 1, points[i + 1])
                 t2 = clock()
                 stepping += t1 - t0
                 reading += t2 - t1
                 self.time = points[i + 1]
+                interrupt()
                 if progress:
                     progress((i + 1) / last)
                 if is_over(i + 1):

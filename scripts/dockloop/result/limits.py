@@ -21,8 +21,6 @@ def name_exceeded(bits: float) -> str:
 def find_exceeded(run: Result) -> list[dict[str, Any]]:
     """Return name, time [s], value with unit, and sentence of each passed limit, by time.
 
-    The sentence says what happened, and what that means.
-
     A recording without the outputs ``limits.*`` (group phase) gives none.
     """
     found = [
@@ -31,7 +29,6 @@ def find_exceeded(run: Result) -> list[dict[str, Any]]:
             "time": float(run[f"limits.{limit.name}.time"][-1]),
             "value": float(run[f"limits.{limit.name}.value"][-1]),
             "unit": limit.unit,
-            "happened": limit.happened,
             "sentence": f"{limit.happened}; {limit.means}",
         }
         for limit in list_limits()

@@ -187,11 +187,11 @@ class Planner:
 
     def explain_refusal(self, values: tuple[Value, ...]) -> str:
         """Return why a case does not start, after the option to blame; empty: it does."""
+        settings = self.list_settings(values)
         try:
-            self.resolve(values)
+            self._resolve(settings)  # what the scene refuses begins with the option already
         except UsageError as error:
             return str(error)
-        settings = self.list_settings(values)
         said = self._refuse(settings)
         return said and self._blame(settings, said)
 
@@ -202,9 +202,9 @@ class Planner:
         )
         if guilty is None:
             return f"{shown(self._sweep.scene)}: {said}"
-        given = [name for name in self._sweep.document["set"] if guilty in self._match(name)]
-        place = self._find_option(guilty) or self._sweep.name_setting([*given, guilty][0])
-        return f"{place}: {said}"
+        fixed = self._sweep.document["set"]
+        given = next((name for name in fixed if guilty in self._match(name)), guilty)
+        return f"{self._find_option(guilty) or self._sweep.name_setting(given)}: {said}"
 
     def _refuse(self, settings: Mapping[str, Any]) -> str:
         """Return what is said of settings with which a docking does not start."""

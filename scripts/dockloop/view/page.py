@@ -22,7 +22,7 @@ from dockloop.base.number import say_number
 from dockloop.base.paths import shown
 from dockloop.base.template import fill
 from dockloop.base.version import __version__
-from dockloop.native.core import list_choices, list_loads
+from dockloop.native.core import list_choices, list_limits, list_loads
 from dockloop.native.variables import VEHICLES
 from dockloop.report.run import say_outcome
 from dockloop.result.limits import find_exceeded
@@ -131,6 +131,7 @@ def make_data(run: Result, command: str | None = None) -> dict:
     columns |= {f"pose.{name}": _encode(values, "f8") for name, values in poses.items()}
     columns |= {name: _encode(held[name], "f4") for name in names}
     every = len(times) / len(rows)
+    passed = [f"{text} at {at:.3f} s" for _, text, at in _list_passed(run)]
     groups = {"target": "relative", "ring": "ring"}
     derived = {group for name, group in groups.items() if name in poses}
     notes += run.warnings
@@ -145,7 +146,7 @@ def make_data(run: Result, command: str | None = None) -> dict:
         "meta": {
             "name": run.scene["name"],
             "title": run.scene["title"],
-            "sentence": "; ".join([describe_outcome(run), *_list_limits(run)]),
+            "sentence": "; ".join([describe_outcome(run), *passed]),
             "command": command,
             "version": __version__,
             "samples": len(rows),
@@ -350,9 +351,9 @@ def find_events(run: Result) -> list[dict]:
     ):
         if name in run and run[name][-1] >= 0.0:
             add(key, text, float(run[name][-1]))
-    for limit in find_exceeded(run):
-        if limit["name"] != "load":  # below, each load apart
-            add(f"limit_{limit['name']}", limit["happened"], limit["time"])
+    for name, text, at in _list_passed(run):
+        if name != "load":  # below, each load apart
+            add(f"limit_{name}", text, at)
     rated = run.scene["mechanism"].get("limits", {})
     peaks = []
     for name, unit in list_loads().items():
@@ -389,9 +390,10 @@ def find_events(run: Result) -> list[dict]:
     return sorted(events, key=lambda event: (event["time"], event["key"] == "end"))
 
 
-def _list_limits(run: Result) -> list[str]:
-    """Return what was passed, and when, for the head of the page."""
-    return [f"{row['happened']} at {row['time']:.3f} s" for row in find_exceeded(run)]
+def _list_passed(run: Result) -> list[tuple[str, str, float]]:
+    """Return name, words and time [s] of each passed limit, by time."""
+    words = {limit.name: limit.happened for limit in list_limits()}
+    return [(row["name"], words[row["name"]], row["time"]) for row in find_exceeded(run)]
 
 
 def _choose_rows(run: Result, events: list[dict], limit: int) -> np.ndarray:
