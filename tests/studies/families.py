@@ -188,8 +188,10 @@ def list_costs(options: argparse.Namespace) -> Block:
         each,
         f"From approach to separation, {duration:.0f} s with communication steps of {STEP:g} s:",
         whole,
-        "With a rigid joint the mechanism costs nothing, but each communication step ends a step of"
-        " the method. So hard docking saves most with long communication steps.",
+        "An elastic joint leaves docked vehicles the play of petals or socket, in which they swing"
+        " for minutes: most of its evaluations follow this motion. With a rigid joint the mechanism"
+        " costs nothing, but each communication step ends a step of the method. So hard docking"
+        " saves most with a rigid joint and long communication steps.",
     ]
 
 

@@ -50,7 +50,10 @@ approach_time = 0.05
 closing_speed = {speed}
 {conditions}
 [solver]
-rtol = 1e-9
+rtol = 1e-12
+atol_position = 1e-14
+atol_velocity = 1e-14
+atol_energy = 1e-13
 [experiment]
 stop = {stop}
 step = {step}
@@ -72,7 +75,7 @@ What differs between the two programs:
 * MuJoCo has a flat plate in the place of the cone. The plate is tangent to the cone where the head
   meets it. All motion is in one plane, in which the section of the cone is the same straight line.
 * MuJoCo has a large plate in the place of the ring face; no point leaves that face.
-* MuJoCo takes Runge-Kutta steps of 0.1 ms; dockloop chooses its steps.
+* MuJoCo takes Runge-Kutta steps of 0.1 ms; dockloop chooses its steps, at a tolerance of 1e-12.
 * Begin and duration are counted in samples of 0.1 ms.
 * No depth is more than half of the roundings, so the barrier takes no part."""
 
