@@ -358,6 +358,27 @@ def test_the_suggested_tolerance_of_the_fmu_is_no_wish_of_the_host(runs, toleran
     assert evaluations < 3000 if tolerance != 1e-7 else evaluations > 6000, evaluations
 
 
+TIGHT = {"rtol": 1e-9, "atol_position": 1e-11, "atol_velocity": 1e-11, "atol_energy": 1e-10}
+
+
+@pytest.mark.parametrize(
+    ("settings", "left"),
+    [
+        ({"rtol": 1e-6}, []),
+        ({"rtol": 1e-9}, ["atol_position", "atol_velocity", "atol_energy"]),
+        ({**TIGHT, "atol_velocity": 1e-8}, ["atol_velocity"]),
+        (TIGHT, []),
+        ({"rtol": 1e-9, "method": "fixed_rk4"}, []),
+    ],
+)
+def test_absolute_tolerances_that_stay_behind_are_named(settings, left):
+    values = {f"solver.{name}": value for name, value in settings.items()}
+    notes = dl.run(SCENE, NEAR, values, stop=0.1, step=0.1).notes
+    named = re.findall(r"solver\.(atol_\w+) = ", notes[0]) if notes else []
+    assert named == left
+    assert not left or notes[0].startswith("solver.rtol = 1e-09 is tighter than usual")
+
+
 def test_without_accuracy_nothing_is_chosen():
     plain, zero = run(), run({"accuracy": 0.0})
     assert plain.values.tobytes() == zero.values.tobytes()

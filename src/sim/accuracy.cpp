@@ -294,6 +294,23 @@ std::string describe_choice(const Parameters& p, const SolverChoice& c, const Me
   return sentence;
 }
 
+std::string describe_forgotten(const Parameters& p) {
+  const SolverSettings defaults;
+  constexpr double kFar = 0.1;  // of the default: a digit more was wanted
+  if (p.rtol > kFar * defaults.rtol) return {};
+  std::string names;
+  const auto note = [&](const char* name, double value, double usual, const char* unit) {
+    if (value != usual) return;
+    names += format("%ssolver.%s = %.3g %s", names.empty() ? "" : ", ", name, value, unit);
+  };
+  note("atol_position", p.atol_position, defaults.atol_position, "m");
+  note("atol_velocity", p.atol_velocity, defaults.atol_velocity, "m/s");
+  note("atol_energy", p.atol_energy, defaults.atol_energy, "J");
+  if (names.empty()) return {};
+  return format("solver.rtol = %.3g is tighter than usual, but ", p.rtol) + names +
+         " stay as they are and limit the accuracy; set them too, or set accuracy, which chooses all of them";
+}
+
 std::string describe_left_out(const WorkDone& work) {
   const LeftOut& left = work.counters.left_out;
   std::string parts = describe_left_out_motion(work);

@@ -263,7 +263,7 @@ struct DockingSim::Impl : SimState {
   std::string status_text;
   std::vector<std::string> warnings;
   std::function<bool()> interruption;  ///< see DockingSim::use_interruption()
-  std::string choice_text;             ///< what accuracy has chosen; empty without accuracy
+  std::string choice_text;             ///< what accuracy has chosen, or what was forgotten
   /// Communication points since the start, and times at which outputs were computed.
   std::int64_t points = 0, read_points = 0;
 

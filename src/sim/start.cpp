@@ -470,6 +470,8 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
                       ? "accuracy has no effect for model exchange: the host integrates"
                       : describe_choice(parameters, chosen, *step_loop->method().facts,
                                         setup->tolerance, *model);
+  } else if (fmi_kind == FmiKind::kCoSimulation && !step_loop->method().is_fixed_step()) {
+    choice_text = describe_forgotten(parameters);
   }
   start_energy_audit(*model, present(), step_loop->y(), energy_audit);
   start_momentum_audit(*model, present(), least_momentum, momentum_audit);
