@@ -185,7 +185,8 @@ def record_host(mode, file, step=0.02, stop=1.5):
     names = [f"chaser.{name}" for name in MOTION]
     loads = [f"chaser.{load}" for load in DOCKING_LOADS]
     body = RigidBody(MASS, np.diag(INERTIA), [docking.get(name) for name in names])
-    docking.record([0.0])  # ends the setting of start values
+    if mode != "host_first":  # there the first reading of a load is the start
+        docking.start()
     rows = []
     for i in range(round(stop / step)):
         held = [docking.get(name) for name in loads]
@@ -197,6 +198,7 @@ def record_host(mode, file, step=0.02, stop=1.5):
         docking.step(step)
         if mode != "host_first":
             body.move(*(held if mode == "parallel" else map(docking.get, loads)), step)
+    assert docking.get("coupling.diagnosis") == 1, docking.warnings
     header = ",".join(["time", *HEADER, *(f"{name}[{i}]" for name in loads for i in (1, 2, 3))])
     np.savetxt(file, rows, fmt="%.17g", delimiter=",", header=header, comments="")
 

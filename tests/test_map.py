@@ -231,6 +231,23 @@ def test_a_point_runs_alone(dockloop, mapped, tmp_path):
     assert counted["solver"]["rhs_evaluations"] == float(row["evaluations"])
 
 
+def test_an_assured_map_says_of_which_points_it_is_sure(dockloop, tmp_path):
+    words = ["map", "absorber_1d", "--x", "initial.closing_speed", "0.1", "0.2", "--stop", "2"]
+    words += ["--y", "chaser.mass", "1e3", "2e3", "--points", "3", "--workers", "1", "--no-plots"]
+    words += ["--assured", "--accuracy", "1e-3", "--scene", "solver.rtol=1e-6"]
+    words += ["--scene", "solver.atol_position=1e-8", "--scene", "solver.atol_velocity=1e-8"]
+    made = json.loads(dockloop.succeed(*words, "-o", str(tmp_path), "--json").out)
+    assert made["assured"] is True
+    assert made["assurance"]["cases"] == made["points"]
+    with (tmp_path / "points.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert {row["assured"] for row in rows} == {"yes"}
+    assert all(float(row["price"]) > 1.0 for row in rows)
+    assert all(row["command"].endswith(" --assured") for row in rows)
+    again = dockloop.succeed(*words, "-o", str(tmp_path), "--resume", "--json")
+    assert json.loads(again.out)["assurance"] == made["assurance"]
+
+
 @pytest.mark.parametrize("accuracy", ["1e-3", "real-time"])
 def test_the_command_of_a_map_has_all_digits_and_texts(accuracy):
     words = ["map", SCENE, "--x", "solver.rtol", "1e-9", "1e-2", "--y", "solver.step", "1e-4", "1"]

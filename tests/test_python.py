@@ -170,7 +170,16 @@ REFUSED = {
     ("chaser.force_ext", 1.0): "Docking.set: 'chaser.force_ext' is 1.0: must be 3 numbers",
     ("solver.method", 2.5): "Docking.set: 'solver.method' must be a whole number",
     ("initial.roll_deg", 1.0): "it is a key of the scene: overrides={'initial.roll_deg': ...}",
+    ("coupling.mode", 2): "that a host integrates needs it: overrides={'chaser.motion': 'driven'}",
 }
+
+
+def test_a_key_for_hosts_says_where_there_is_none():
+    mode = {"coupling.mode": "parallel"}
+    said = dl.Docking(SCENE, mode).warnings
+    assert len(said) == 1
+    assert said[0].startswith('--scene coupling.mode="parallel": has no effect without a vehicle')
+    assert not dl.Docking(SCENE, mode | {"chaser.motion": "driven"}).warnings
 
 
 @pytest.mark.parametrize(("setting", "words"), REFUSED.items())

@@ -516,6 +516,15 @@ def test_a_package_without_a_vehicle_that_moves_is_refused(dockloop):
     assert len(err.splitlines()) == 1
 
 
+def test_a_docking_is_no_vehicle(dockloop, bare_package, tmp_path):
+    archive, package = tmp_path / "docking.fmu", tmp_path / "x.ssp"
+    with zipfile.ZipFile(bare_package(SCENE[0])) as whole:
+        archive.write_bytes(whole.read("resources/docking.fmu"))
+    status, _, err = dockloop("ssp", SCENE[0], "--chaser", archive, "-o", package)
+    assert (status, package.exists()) == (2, False)
+    assert "docking.fmu: is a docking, not the vehicle 'chaser'" in err
+
+
 def test_a_package_without_mechanism_is_refused(dockloop, tmp_path):
     scene = tmp_path / "alone.toml"
     scene.write_text("[chaser]\nmass = 10\ninertia = [1, 2, 2, 0, 0, 0]\n")

@@ -476,7 +476,10 @@ def test_cases_that_repeat_others_run_once_and_change_no_byte(dockloop, tmp_path
     monkeypatch.setattr(executors.CoreThreads, "submit", count)
     once = dockloop.succeed(*command, "once.parquet")
     assert len(begun) == 10
-    clock = json.loads(once.out)["time"]
+    summary = json.loads(once.out)
+    assert (summary["lanes"], summary["occupancy"]) == (1, 1.0)
+    assert summary["cases_per_second_and_core"] > 0.0
+    clock = summary["time"]
     assert (clock["ran"], clock["repeats"]) == (24, 14)
     assert (tmp_path / "once.parquet").read_bytes() == table
     journal = tmp_path / "once.jsonl"

@@ -12,6 +12,7 @@ _FAR = 1 << 40  # bytes: Windows locks a place of a file, where no program can r
 CAN_REPLACE_OPEN_FILES = sys.platform != "win32"
 
 ENDING = ("SIGTERM", "SIGHUP")  # a request to end, a terminal that goes
+LANES = (1,)  # cases that a core can compute at once
 ENGINES = ("auto", "core", "fmu")  # that run the cases of a sweep
 
 

@@ -132,8 +132,8 @@ class Command(argparse.ArgumentParser):
         """Add that every figure shall be within the wanted accuracy."""
         self.add_flag(
             "--assured",
-            "run again with tighter settings until two runs agree within the accuracy; name the"
-            " figures on which no runs agree",
+            "run again with tighter settings until two runs agree within the accuracy, which must"
+            " be stated; name the figures on which no runs agree",
         )
 
     def add_accuracy(self) -> None:

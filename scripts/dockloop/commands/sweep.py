@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 from dockloop.base import paths
 from dockloop.base.errors import DockloopError, UsageError
 from dockloop.base.number import read_if_number
-from dockloop.base.system import ENGINES
-from dockloop.commands.arguments import Command, Options, whole
+from dockloop.base.system import ENGINES, LANES
+from dockloop.commands.arguments import Command, Options, positive, whole
 from dockloop.commands.console import write_found
 
 if TYPE_CHECKING:
@@ -31,6 +31,8 @@ def add_options(command: Command) -> None:
     text = "let the parameters of a fit vary, too, with their covariance (see dockloop fit)"
     command.add_fitted(text)
     command.add_executor()
+    text = "cases that a core computes at once: 1, because there is no other way yet"
+    command.add_option("--lanes", "N", text, type=positive)
     command.add_flag("--resume", "go on with a sweep that was interrupted")
     command.add_output(
         "TABLE.parquet",
@@ -81,6 +83,8 @@ def run(options: Options) -> None:
     from dockloop.sweeps.campaign import read_how
     from dockloop.sweeps.sampling import read_passes, read_sweep
 
+    if options.lanes not in (None, *LANES):
+        raise UsageError(f"--lanes {options.lanes}: must be 1, there is no other way yet")
     accuracy, refined = (
         text if text is None else read_if_number(text)
         for text in (options.accuracy, options.refine_accuracy)

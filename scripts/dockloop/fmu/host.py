@@ -402,7 +402,9 @@ def _parse_setting(text: str, description: Any) -> tuple[Any, Any]:
     variables = {v.name: v for v in description.modelVariables}
     if name not in variables:
         hint = did_you_mean(name, [v.name for v in variables.values() if _is_settable(v)])
-        if name in scene_members():
+        if name.startswith("coupling."):
+            hint = "; only a vehicle that a host integrates needs it: --scene chaser.motion=driven"
+        elif name in scene_members():
             hint = f"; it is a key of the scene: build with --scene {name}={value_text}"
         raise UsageError(f"--set {text}: the FMU has no variable '{name}'{hint}")
     variable = variables[name]

@@ -15,7 +15,7 @@ from dockloop.base.sections import FACTS, Section
 from dockloop.fmu.ssv import SSV
 from dockloop.fmu.vehicle_fmu import COUNTS, NEEDED, Description, is_same_unit, parse_xml
 from dockloop.native.variables import MOTION, VEHICLES
-from dockloop.scene.carried import read_model
+from dockloop.scene.carried import is_docking
 from dockloop.scene.find import reading
 
 _SSD = "{http://ssp-standard.org/SSP1/SystemStructureDescription}"
@@ -59,7 +59,7 @@ class Package:
             content = _read(path, source)
             self.fmus[name] = Description(io.BytesIO(content), f"{self.place}: {source}")
             self.values[name] = self._read_values(path, component, above)
-            if _is_docking(content):
+            if is_docking(io.BytesIO(content)):
                 dockings.append(name)
         if len(dockings) != 1:
             raise UsageError(f"{self.place}: has {len(dockings)} dockings: must have one")
@@ -102,15 +102,6 @@ def _read(package: Path, entry: str) -> bytes:
     """Return an entry of a package. Raises UsageError."""
     with reading(package, "an SSP package", "elements"):
         return read_entry(package, entry)
-
-
-def _is_docking(fmu: bytes) -> bool:
-    """Return whether an FMU is one of this program, with a mechanism."""
-    try:
-        mechanism = read_model(io.BytesIO(fmu))["mechanism"]
-    except (OSError, ValueError, KeyError):
-        return False
-    return mechanism != {"name": "none"}
 
 
 def check_ssp(path: Path) -> dict:

@@ -26,6 +26,7 @@ from dockloop.base.files import read_entry
 from dockloop.base.paths import check_file, shown
 from dockloop.base.units import find_factor
 from dockloop.native.variables import LOADS, MOTION, VEHICLES
+from dockloop.scene.carried import is_docking
 from dockloop.scene.find import read_toml, reading
 
 NEEDED = {**dict.fromkeys(MOTION, "output"), **dict.fromkeys(LOADS, "input")}
@@ -112,6 +113,8 @@ class VehicleFmu(Description):
         """
         check_file(archive, "FMU of a vehicle")
         super().__init__(archive)
+        if is_docking(archive):
+            raise UsageError(f"{self.place}: is a docking, not the vehicle '{vehicle}'")
         self._vehicle, self._map = vehicle, f"{place}: {vehicle}"
         self._starts = dict(rows.get("start", {}))
         _check_keys(f"{self._map}.start", self._starts, STARTS)

@@ -17,7 +17,7 @@ from dockloop.runs.docking import Scene, run
 from dockloop.scene.catalogue import Entry, list_entries
 from dockloop.scene.find import find_scene
 from dockloop.scene.mechanism import find_turning
-from dockloop.scene.placement import acts
+from dockloop.scene.placement import find_idleness
 from dockloop.scene.resolve import SceneReader, has_contact_law, parse_value
 from dockloop.scene.values import as_setting, to_text
 from dockloop.view.page import make_data
@@ -104,7 +104,7 @@ class Bench:
             actions = (a for step in mechanism["sequence"]["steps"] for a in step.get("do", ()))
             return any("thrust" in action for action in actions)
         is_fixed = section in VEHICLES and document[section]["motion"] == "fixed"
-        return acts(name, document) and not is_fixed
+        return not find_idleness(name, document) and not is_fixed
 
     def split(self, settings: Mapping[str, str]) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the keys of the scene and the start values among settings, with their values.

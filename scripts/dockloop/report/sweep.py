@@ -18,6 +18,7 @@ from dockloop.base.files import (
 )
 from dockloop.base.number import say_number
 from dockloop.base.palette import BLUE, MARKERS, NOT_RUN, OUTCOMES, style_line
+from dockloop.base.system import LANES
 from dockloop.native.core import list_choices, list_loads
 from dockloop.result.capture import WITH_CAPTURE
 from dockloop.result.criteria import PEAK
@@ -135,7 +136,8 @@ def summarise_sweep(sweep: Sweep, planner: Planner, table: Any, ran: dict) -> di
     summary["time"] = {name: ran[name] for name in _CLOCK}
     if ran["ran"]:
         summary["time"]["cases_per_second"] = rate = ran["ran"] / wall
-        summary["time"]["cases_per_second_and_core"] = rate / ran["cores"]
+        summary["cases_per_second_and_core"] = rate / ran["cores"]
+        summary |= {"lanes": LANES[0], "occupancy": 1.0}  # a core computes one case at a time
     return summary
 
 

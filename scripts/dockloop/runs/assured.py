@@ -94,6 +94,14 @@ class Assurance:
         """Return the runs with tighter and tighter settings, without neighbours."""
         return [run for run in self.runs if run["shift"] == 0.0]
 
+    def to_case(self) -> dict[str, Any]:
+        """Return what is kept of a case (`dockloop.sweeps.assured.list_cells`)."""
+        return {
+            "refused": self.refused,
+            "settings": len(self.list_settings()),
+            "price": self.price,
+        }
+
     @property
     def verdict(self) -> bool | dict[str, str]:
         """True: every figure is assured. False: none, there is no second run. Else the others."""

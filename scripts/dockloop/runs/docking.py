@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from dockloop.base.errors import UsageError, did_you_mean, names_arguments, say_value
 from dockloop.base.number import as_number, check_number, is_number, to_plain
-from dockloop.native.core import core_errors, name_source, to_json
+from dockloop.native.core import core_errors, name_choice, name_source, to_json
 from dockloop.native.variables import (
     TYPES,
     WORDS,
@@ -37,6 +37,8 @@ from dockloop.scene.find import find_scene
 from dockloop.scene.placement import blaming_start, read_placed
 from dockloop.scene.resolve import SceneReader, list_matches, scene_members, write_scene
 from dockloop.scene.values import as_setting
+
+ANNOUNCED = (".force_mean", ".torque_mean")  # with which a host that steps first moves
 
 
 class Scene:
@@ -171,7 +173,10 @@ class Docking:
         return self._core.time
 
     def set(self, name: str, value: Value | str | ArrayLike) -> None:
-        """Set a variable: start values before the first step, inputs and tunable parameters always.
+        """Set a variable: start values before the start, inputs and tunable parameters always.
+
+        The first `step`, or `start`, is the start. A host that steps first (``coupling.mode``
+        ``host_first``) reads the announced load, then reports: reading it is the start, too.
 
         Args:
             name: ``"chaser.mass"``, ``"chaser.force_ext"`` for ``chaser.force_ext[1..3]``, or a
@@ -220,6 +225,8 @@ class Docking:
             UsageError: there is no such variable.
         """
         rows = self._find(name)
+        if self._start is None and name.partition("[")[0].endswith(ANNOUNCED):
+            self._start_host_first()
         kind = TYPES[self._list[rows[0]].type]
         try:  # often called: no more than one context
             with core_errors():
@@ -227,6 +234,22 @@ class Docking:
         except UsageError:
             self._blame()
         return kind(values[0]) if name in self.variables else np.array(values).astype(kind)
+
+    def start(self) -> None:
+        """End the setting of start values, as the first step does: what is set now is an input.
+
+        Raises:
+            UsageError: the start values contradict each other.
+        """
+        with self._lock:
+            self._keep_start()
+            with self._starting():
+                self._core.start()
+
+    def _start_host_first(self) -> None:
+        mode = "coupling.mode"
+        if mode in self.variables and name_choice(mode, self.get(mode)) == "host_first":
+            self.start()
 
     def step(self, h: float) -> None:
         """Advance by one communication step; the first one ends the setting of start values.
@@ -336,9 +359,8 @@ class Docking:
         times = np.array([check_number("Docking.record: a time is", entry) for entry in entries])
         with self._lock:
             began = time.perf_counter()
-            self._keep_start()
-            with self.starting():
-                self._core.start()
+            self.start()
+            with self._starting():
                 result = self._make_result(np.zeros((len(times), 1 + len(self._outputs))))
                 result.wall = {"load": time.perf_counter() - began}
                 began = time.perf_counter()
@@ -365,7 +387,7 @@ class Docking:
         )
 
     @contextmanager
-    def starting(self) -> Iterator[None]:
+    def _starting(self) -> Iterator[None]:
         """Let the errors of the core be those of this package, also those of a start."""
         try:
             with core_errors():
@@ -386,7 +408,7 @@ class Docking:
 
     def _read_outputs(self, core: Any) -> np.ndarray:
         """Return the time and all outputs of a docking of the core, shape (1 + outputs,)."""
-        with self.starting():
+        with self._starting():
             core.start()
             return np.array([core.time, *core.get(self._outputs)], dtype=float)
 
@@ -409,7 +431,12 @@ class Docking:
         if name in self._rows:
             return self._rows[name]
         hint = did_you_mean(name, self._rows)
-        if name in scene_members():
+        if name.startswith("coupling."):
+            hint = (
+                "; only a vehicle that a host integrates needs it:"
+                " overrides={'chaser.motion': 'driven'}"
+            )
+        elif name in scene_members():
             hint = f"; it is a key of the scene: overrides={{{name!r}: ...}}"
         raise UsageError(f"{self.scene.name}: there is no variable '{name}'{hint}")
 

@@ -217,8 +217,7 @@ def _judge(
     if isinstance(host, ReportLog):
         for name, number in host.read_inputs().items():
             docking.set(name, number)
-    with docking.starting():
-        docking._core.start()  # what is set from here on are reports, no start values
+    docking.start()  # what is set from here on are reports, no start values
     loads, sentence = _play(docking, host, times, mode)
     checks: list[Check] = []
     for vehicle in host.vehicles:

@@ -128,6 +128,7 @@ class Verdict:
         momentum: largest ``momentum.residual``.
         evaluations: of the run.
         seconds: it took.
+        assured: of assured runs, as in `dockloop.runs.outcome.Result`.
     """
 
     verdict: str
@@ -138,12 +139,13 @@ class Verdict:
     momentum: float = math.nan
     evaluations: int = 0
     seconds: float = 0.0
+    assured: dict[str, Any] | None = None
 
     def to_result(self) -> CaseResult:
         """Return it as a result of a case, for journals: the `MEASURES` are its outputs."""
         numbers = [getattr(self, name) for name in NUMBERS]
         outputs = (_NUMBERED.index(self.verdict), self.audited, *numbers)
-        return CaseResult("done", self.reason or None, outputs=outputs)
+        return CaseResult("done", self.reason or None, outputs=outputs, assured=self.assured)
 
     @staticmethod
     def from_result(result: CaseResult) -> "Verdict":
@@ -152,6 +154,7 @@ class Verdict:
             return Verdict("refused", result.reason or "")
         verdict, audited, *numbers = result.outputs
         named: dict[str, Any] = dict(zip(NUMBERS, numbers, strict=True))
+        named["assured"] = result.assured
         return Verdict(_NUMBERED[int(verdict)], result.reason or "", bool(audited), **named)
 
 
@@ -308,6 +311,7 @@ def _audit(run: Result, seconds: float) -> Verdict:
         verdict.evaluations = int(run["solver.rhs_evaluations"][-1])
     if run.assurance:
         verdict.evaluations = sum(each["evaluations"] for each in run.assurance.runs)
+        verdict.assured = run.assurance.to_case()
     broken = [name for name in run.names if not np.isfinite(run[name]).all()]
     if broken:
         return replace(verdict, verdict="wrong", reason=f"{broken[0]} is not finite")

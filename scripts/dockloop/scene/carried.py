@@ -28,6 +28,15 @@ def read_model(path: Path | BinaryIO) -> dict:
     return document
 
 
+def is_docking(fmu: Path | BinaryIO) -> bool:
+    """Return whether an FMU is one of this program, with a mechanism."""
+    try:
+        mechanism = read_model(fmu)["mechanism"]
+    except (OSError, ValueError, KeyError):
+        return False
+    return bool(mechanism != {"name": "none"})
+
+
 def is_document(path: Path) -> bool:
     """Return whether a file holds the scene of an FMU. Raises ValueError, OSError."""
     return _is_scene(json.loads(path.read_bytes()))

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dockloop.base.errors import DockloopError, UsageError
+from dockloop.base.errors import DockloopError, UsageError, warn
 from dockloop.native.core import core_errors, name_source, place, to_json
 from dockloop.native.variables import VEHICLES
 from dockloop.scene.resolve import SceneReader
@@ -15,17 +15,22 @@ NEVER_TOUCH = (
     "with these conditions the capture surfaces never touch; the mating planes meet at the"
     " stated time instead"
 )
-NO_EFFECT = (
+_AT_START = (
     "no effect while initial.at is not 'first_contact': the states of [chaser] and [target] hold"
 )
+_NOT_DRIVEN = "no effect without a vehicle that a host integrates: chaser.motion=driven"
 _STARTS = ("at", "capture_body", "joints")  # of [initial], all that acts at the start
 
 
-def acts(key: str, document: dict) -> bool:
-    """Return whether a key of a resolved scene acts, as conditions at first contact may not do."""
+def find_idleness(key: str, document: dict) -> str:
+    """Return why a key of a resolved scene has no effect; empty: it acts."""
     section, member = (*key.split("."), "")[:2]
-    is_at_start = document["initial"]["at"] != "first_contact"
-    return not (is_at_start and section == "initial" and member not in _STARTS)
+    if section == "initial" and member not in _STARTS:
+        return "" if document["initial"]["at"] == "first_contact" else _AT_START
+    if section == "coupling":
+        motions = [document.get(vehicle, {}).get("motion") for vehicle in VEHICLES]
+        return "" if "driven" in motions else _NOT_DRIVEN
+    return ""
 
 
 def _list_unused(initial: dict) -> list[str]:
@@ -74,7 +79,12 @@ def read_placed(
                 docking.start()
         return warning
 
-    return (reader or SceneReader(path)).resolve(overrides, given_by, place_and_check, say)
+    document = (reader or SceneReader(path)).resolve(overrides, given_by, place_and_check, say)
+    for text in overrides:
+        if find_idleness(text.partition("=")[0].strip(), document) == _NOT_DRIVEN:
+            begin = (given_by or {}).get(text, f"--scene {text}")
+            (say or warn)(f"{begin}: has {_NOT_DRIVEN}")
+    return document
 
 
 @contextmanager
@@ -111,7 +121,7 @@ def find_placement(document: dict, source: Path) -> str:
     if document["initial"]["at"] != "first_contact":
         unused = _list_unused(document["initial"])
         verb = "have" if unused[1:] else "has"
-        return f"{' and '.join(unused)} {verb} {NO_EFFECT}" if unused else ""
+        return f"{' and '.join(unused)} {verb} {_AT_START}" if unused else ""
     placed = place(document, source)
     for vehicle in VEHICLES:
         document[vehicle] |= placed[vehicle]

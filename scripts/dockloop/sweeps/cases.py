@@ -92,7 +92,7 @@ def run_case(
         last,
         outputs=last.outputs[: len(job.outputs)],
         histories=last.histories[: 1 + len(job.histories)] if job.histories else (),
-        assured={"refused": of.refused, "settings": len(of.list_settings()), "price": of.price},
+        assured=of.to_case(),
     )
 
 

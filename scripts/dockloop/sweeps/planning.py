@@ -39,7 +39,7 @@ from dockloop.runs.assured import check_assurable, list_recorded
 from dockloop.runs.docking import run
 from dockloop.runs.outcome import Result
 from dockloop.scene.blame import find_guilty
-from dockloop.scene.placement import NO_EFFECT, acts, find_placement
+from dockloop.scene.placement import find_idleness, find_placement
 from dockloop.scene.resolve import SceneReader, is_scene_key, scene_members
 from dockloop.scene.values import as_setting
 from dockloop.sweeps.cases import Job, list_case_points
@@ -400,8 +400,8 @@ class Planner:
         """Check that there is something of this name that takes values of this kind."""
         place = self._sweep.name_setting(name, where)
         if is_scene_key(name):
-            if where.startswith("vary") and not acts(name, self.base):
-                raise UsageError(f"{place}: has {NO_EFFECT}")
+            if where.startswith("vary") and (why := find_idleness(name, self.base)):
+                raise UsageError(f"{place}: has {why}")
             return
         if "*" in name:
             for each in self._match(name):

@@ -28,6 +28,8 @@ from dockloop.studies.envelopes.mesh import Point
 from dockloop.studies.envelopes.report import list_axes, list_outline, set_axes
 from dockloop.studies.envelopes.search import Search
 from dockloop.studies.maps.verdicts import PointJudge, read_verdict
+from dockloop.sweeps.assured import COLUMNS, list_cells, summarise_cases
+from dockloop.sweeps.assured import list_facts as list_assured
 from dockloop.sweeps.journal import journal_kind
 
 COMMAND = "dockloop map"
@@ -47,6 +49,10 @@ def summarise_map(search: Search, judge: PointJudge, command: str) -> dict:
     verdicts = {point: read_verdict(search, point) for point in search.runs}
     tally = Counter(verdict.verdict for verdict in verdicts.values())
     right = [v for v in verdicts.values() if v.verdict == "right"]
+    cells = (
+        (number, *list_cells(verdicts[point].assured))
+        for number, point in enumerate(sorted(verdicts), 1)
+    )
     return {
         MADE_BY: COMMAND,
         "command": command,
@@ -74,6 +80,7 @@ def summarise_map(search: Search, judge: PointJudge, command: str) -> dict:
             for point in sorted(verdicts)
             if verdicts[point].verdict in BAD
         ],
+        **(summarise_cases(cells) if judge.assured else {}),
         "time": {"ran": search.ran, "wall": search.wall},
     }
 
@@ -93,7 +100,8 @@ def make_command(search: Search, judge: PointJudge, point: Point) -> str:
     values = search.values(point)
     if not judge.host:
         stop = float(search.planner.times[-1])
-        return shlex.join(search.planner.make_command(values, stop))
+        words = search.planner.make_command(values, stop)
+        return shlex.join([*words, *(["--assured"] if judge.assured else [])])
     words = ["dockloop", "map", search.planner.scene_reference, "--host", judge.host]
     for letter, axis, value in zip("xy", search.order.axes, values, strict=True):
         words += [f"--{letter}", axis.name, repr(value), repr(value * (1.0 + 1e-9))]
@@ -105,6 +113,7 @@ def report_map(summary: dict) -> list[Section]:
     tally = ", ".join(f"{count} {name}" for name, count in summary["verdicts"].items() if count)
     facts = [
         ("points", f"{summary['points']}: {tally} (error up to {summary['wanted']:g})"),
+        *list_assured(summary),
         *list_files(summary.get("files", ())),
     ]
     parts = (
@@ -135,8 +144,10 @@ def write_map(search: Search, judge: PointJudge, summary: dict, folder: Path) ->
         verdict = read_verdict(search, point)
         figures = [plain(getattr(verdict, name)) for name in NUMBERS]
         row = [verdict.verdict, one_line(verdict.reason), verdict.audited, *figures]
+        row += list_cells(verdict.assured) if judge.assured else []
         rows.append([number, *search.values(point), *row, make_command(search, judge, point)])
-    columns = ["point", *names, "verdict", "reason", "audited", *NUMBERS, "command"]
+    columns = ["point", *names, "verdict", "reason", "audited", *NUMBERS]
+    columns += [*COLUMNS, "command"] if judge.assured else ["command"]
     page, table = folder / "map.md", folder / "points.csv"
     write_csv(table, KINDS[table.name], columns, rows)
     write_text(page, KINDS[page.name], write_markdown(complete_report(search, summary)))
