@@ -62,14 +62,14 @@ def stripped_size(library: Path) -> int:
         return stripped.stat().st_size
 
 
-def count_instructions(scene: str, accuracy: float, reads: bool) -> float:
-    """Return the instructions inside ``fmi2DoStep`` for an evaluation, or to read a point."""
+def count_instructions(scene: str, accuracy: float, reads: str) -> float:
+    """Return the instructions inside ``fmi2DoStep`` for an evaluation, or to read outputs."""
     with pytest.MonkeyPatch.context() as patched, tempfile.TemporaryDirectory() as folder:
         patched.syspath_prepend(str(Path(__file__).parent / "studies"))
         import instructions
 
         if reads:
-            return instructions.count_reading(scene, accuracy, Path(folder))
+            return instructions.count_reading(scene, accuracy, Path(folder), reads)
         evaluations, _, functions = instructions.count(scene, accuracy, Path(folder))
         return functions[instructions.ALL] / evaluations
 
@@ -88,7 +88,7 @@ def measure(budget: dict) -> float | None:
         settings = source.get("settings", [])
         return run(source["scene"], source["stop"], source["step"], *settings)[source["output"]]
     if "accuracy" in source:
-        return count_instructions(source["of"], source["accuracy"], source.get("reads", False))
+        return count_instructions(source["of"], source["accuracy"], source.get("reads", ""))
     if "room" in source:
         return count_lines(source["room"])
     if "rooms" in source:

@@ -86,7 +86,7 @@ void add_vehicle(Table& table, DockingSim& sim, VehicleIndex index) {
 
 void add_stack(Table& table, Outputs& out) {
   const std::string text = " of chaser, mechanism and target as one rigid body in their poses now";
-  const auto finish = [](auto row) { row.discrete().group(OutputGroup::kBodies); };
+  const auto finish = [](auto row) { row.discrete().group(OutputGroup::kStack); };
   finish(table.output("stack.mass", &out.stack_mass, kMass, "Mass" + text));
   finish(table.outputs("stack.com", out.stack_com, kLength,
                        "Centre of mass" + text + ", from the centre of mass of the chaser, C"));

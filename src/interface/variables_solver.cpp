@@ -52,20 +52,20 @@ void add_energy(Table& table, Outputs& out, const Scene& scene) {
       .not_negative()
       .nominal(1e-14)
       .discrete()
-      .group(OutputGroup::kBodies);
+      .group(OutputGroup::kMomentum);
   table
       .outputs("momentum.linear", out.momentum_linear, kMomentum,
                "Linear momentum of all bodies inside without driven vehicles, in N")
-      .group(OutputGroup::kBodies);
+      .group(OutputGroup::kMomentum);
   table
       .outputs("momentum.angular", out.momentum_angular, kAngularMomentum,
                "Angular momentum of all bodies inside without driven vehicles, about "
                "momentum.reference, in N")
-      .group(OutputGroup::kBodies);
+      .group(OutputGroup::kMomentum);
   table
       .outputs("momentum.reference", out.momentum_reference, kLength,
                "Reference point of momentum.angular in N")
-      .group(OutputGroup::kBodies);
+      .group(OutputGroup::kMomentum);
 }
 
 /// The state vector of the integration and its rates, in the order of StateLayout: for model
@@ -353,7 +353,7 @@ void add_solver_outputs(Table& table, Outputs& out, bool has_comparison) {
       .not_negative()
       .nominal(1e-14)
       .discrete()
-      .group(OutputGroup::kBodies);
+      .group(OutputGroup::kLoops);
   table
       .output("solver.singularity_margin", &out.solver_singularity_margin, kNone,
               "Smallest normalised distance of a loop to a singular pose")

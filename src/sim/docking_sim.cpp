@@ -57,8 +57,10 @@ Status DockingSim::update(OutputGroup group) {
 }
 
 const Outputs& DockingSim::outputs() {
-  update(OutputGroup::kMain);
-  update(OutputGroup::kBodies);
+  for (OutputGroup group :
+       {OutputGroup::kMain, OutputGroup::kMomentum, OutputGroup::kLoops, OutputGroup::kStack}) {
+    update(group);
+  }
   return impl_->outputs;
 }
 
@@ -288,7 +290,9 @@ void DockingSim::Impl::check_restored() {
   }
   Status status = update_states();
   if (status.ok()) status = update_main();
-  if (status.ok()) status = update_bodies();
+  if (status.ok()) status = update_momentum();
+  if (status.ok()) status = update_loops();
+  if (status.ok()) status = update_stack();
   if (!status.ok()) {
     throw ModelError("the saved state is damaged: " + describe(status));
   }

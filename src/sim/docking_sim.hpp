@@ -44,7 +44,9 @@ struct Seed {
 /// [outputs] groups is something else: it selects the variables of the FMU.)
 enum class OutputGroup {
   kMain,         ///< all other outputs
-  kBodies,       ///< sums over all bodies and loops: momentum, gaps of loops
+  kMomentum,     ///< sums over all bodies
+  kLoops,        ///< gaps of loops
+  kStack,        ///< all bodies as one
   kCoupling,     ///< monitors of the coupling with hosts: expensive
   kStateVector,  ///< and its rates
   kCount

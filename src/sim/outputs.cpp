@@ -45,8 +45,12 @@ Status DockingSim::Impl::update(OutputGroup group) {
   switch (group) {
     case OutputGroup::kMain:
       return update_main();
-    case OutputGroup::kBodies:
-      return update_bodies();
+    case OutputGroup::kMomentum:
+      return update_momentum();
+    case OutputGroup::kLoops:
+      return update_loops();
+    case OutputGroup::kStack:
+      return update_stack();
     case OutputGroup::kStateVector:
       return update_states();
     case OutputGroup::kCoupling:
@@ -114,7 +118,7 @@ std::string DockingSim::Impl::describe_left_out() const {
        step_loop->method().is_fixed_step() ? 0.0 : parameters.accuracy});
 }
 
-Status DockingSim::Impl::update_bodies() {
+Status DockingSim::Impl::update_momentum() {
   read_inputs();
   const Status status = evaluate_present();
   if (!status.ok()) return status;
@@ -122,12 +126,24 @@ Status DockingSim::Impl::update_bodies() {
   outputs.momentum_residual =
       std::max(momentum_audit.residual,
                find_momentum_residual(*model, shown(), step_loop->point_y(), momentum_audit));
-  if (model->moves[kChaser] && model->moves[kTarget]) {
-    const VehicleBody stack = find_stack(*model, find_source().data);
-    outputs.stack_mass = stack.mass;
-    outputs.stack_com = stack.com;
-    outputs.stack_inertia = get_components(stack.inertia);
-  }
+  return {};
+}
+
+Status DockingSim::Impl::update_stack() {
+  read_inputs();
+  const Status status = evaluate_present();
+  if (!status.ok() || !model->moves[kChaser] || !model->moves[kTarget]) return status;
+  const VehicleBody stack = find_stack(*model, find_source().data);
+  outputs.stack_mass = stack.mass;
+  outputs.stack_com = stack.com;
+  outputs.stack_inertia = get_components(stack.inertia);
+  return {};
+}
+
+Status DockingSim::Impl::update_loops() {
+  read_inputs();
+  const Status status = evaluate_present();
+  if (!status.ok()) return status;
   const bool moves = !shown().locked;
   outputs.solver_closure_residual =
       std::max(moves ? find_closure_residual(model->mechanism, shown().mechanism) : 0.0, drift);

@@ -208,7 +208,9 @@ struct DockingSim::Impl : SimState {
   double find_earliest_contact(double gap) const;
   Status update(OutputGroup group);
   Status update_main();
-  Status update_bodies();
+  Status update_momentum();
+  Status update_loops();
+  Status update_stack();
   Status update_states();
   void update_phase_outputs();
   std::string describe_left_out() const;

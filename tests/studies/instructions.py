@@ -93,9 +93,9 @@ def count(
     return evaluations, steps, functions
 
 
-def count_reading(scene: str, accuracy: float, folder: Path) -> float:
-    """Return the instructions of reading all outputs at one communication point."""
-    _, _, functions = count(scene, accuracy, folder, READING, "*")
+def count_reading(scene: str, accuracy: float, folder: Path, outputs: str = "*") -> float:
+    """Return the instructions of reading outputs, by default all, at one communication point."""
+    _, _, functions = count(scene, accuracy, folder, READING, outputs)
     return functions[READING] / (STOP / STEP + 1)
 
 
