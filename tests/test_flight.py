@@ -307,3 +307,17 @@ def test_drift_after_undocking_costs_nothing(family):
     assert docking.get("momentum.residual") < 1e-12
     docking.set("command", "hold")
     docking.step(1.0)
+
+
+def test_bodies_with_surfaces_stay_where_they_came_to_rest():
+    """The fingers of the gripper rest after a release, and the gap is that of moving fingers."""
+    gaps = []
+    for flight in ("resting", "integrated"):
+        docking = dl.Docking("gripper")
+        docking.set("model.flight", flight)
+        docking.record([0.0, 60.0])
+        docking.set("command", "undock")
+        run = docking.record(np.linspace(60.0, 112.0, 105))
+        gaps.append(run["gap"])
+    assert run["gap"][-1] > 0.2  # fingers are the closest surfaces
+    np.testing.assert_allclose(gaps[0], gaps[1], rtol=0.0, atol=1e-7)

@@ -280,8 +280,8 @@ void lock_mechanism(const DockingModel& model, DockingData<double>& data, Locked
   locked.capture = to_chaser * Pose<double>{data.capture.R, data.capture.p};
   locked.contact_bodies.resize(data.contact_bodies.size());
   for (size_t i = 0; i < data.contact_bodies.size(); ++i) {
-    const FrameMotion<double>& body = data.contact_bodies[i];
-    locked.contact_bodies[i] = to_chaser * Pose<double>{body.R, body.p};
+    const int body = model.mechanism.model.contact_bodies[i];
+    locked.contact_bodies[i] = to_chaser * Pose<double>{tree.R[body], tree.p[body]};
   }
   const MechanismModel& mechanism = model.mechanism.model;
   locked.carrier = Pose<double>();
