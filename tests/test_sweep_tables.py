@@ -552,3 +552,13 @@ def test_a_sweep_keeps_chosen_histories(dockloop, monkeypatch, tmp_path):
     Path("own.toml").write_text(HISTORIES.replace("relative.axial", "relative.axia"))
     with pytest.raises(dl.UsageError, match=r"histories lists 'relative\.axia'.*did you mean"):
         dl.sweep("own.toml")
+
+
+@pytest.mark.parametrize(("unit", "is_right"), [("m/s", True), ("m.s-1", True), ("cm/s", False)])
+def test_a_unit_is_that_of_the_quantity(dockloop, tmp_path, unit, is_right):
+    text = f'type = "grid"\nname = "initial.closing_speed"\nunit = "{unit}"\nvalues = [0.1, 0.2]'
+    file = write(tmp_path, vary(text, more="[experiment]\nstop = 0.1\nstep = 0.1\n"))
+    done = dockloop("sweep", file, "-o", tmp_path / "x.parquet", "--no-plots")
+    assert (done.status == 0) == is_right, done
+    if not is_right:
+        assert "the unit of 'initial.closing_speed' is 'cm/s': must be m/s" in done.err

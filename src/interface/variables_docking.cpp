@@ -129,8 +129,7 @@ void add_peak(Table& table, const std::string& before, const std::string& after,
       .not_negative();
   table
       .output(before + ".peak_time" + after, &peak.time, kTime,
-              "Simulation time of " + before + ".peak" + after + ", -1 before")
-      .limits(-1.0, kInfinity);
+              "Simulation time of " + before + ".peak" + after + ", -1 before");
   table
       .output(before + ".peak_step" + after, &peak.step, kNone,
               "Step of the sequence in which " + before + ".peak" + after +
@@ -333,7 +332,6 @@ void add_sequence(Table& table, const Sequence& sequence, Inputs& in, Outputs& o
     table
         .output(indexed("sequence.entered", i), &out.sequence_entered[i], kTime,
                 "Time at which step '" + sequence.steps[i].name + "' was first entered, -1 before")
-        .limits(-1.0, kInfinity)
         .discrete();
   }
 }

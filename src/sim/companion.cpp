@@ -106,7 +106,8 @@ void note(ErrorRecord& record, const Outputs& run, const Outputs& finer, bool ha
       record.figure = figure;
     }
   };
-  const bool is_captured = run.time_of_capture >= 0.0, is_other = finer.time_of_capture >= 0.0;
+  const bool is_captured = run.time_of_capture != kNoTime;
+  const bool is_other = finer.time_of_capture != kNoTime;
   if (run.outcome != finer.outcome || run.captured != finer.captured || is_captured != is_other) {
     add(kOutcome, 1.0, 1.0);
   } else if (is_captured) {

@@ -62,6 +62,13 @@ Status DockingSim::Impl::update(OutputGroup group) {
   return {};
 }
 
+/// The simulation time of an event. One at kNoTime itself is an ulp later.
+double DockingSim::Impl::tell_time(double since_start) const {
+  if (since_start < 0.0) return kNoTime;
+  const double time = setup->t_start + since_start;
+  return time == kNoTime ? std::nextafter(kNoTime, 0.0) : time;
+}
+
 Status DockingSim::Impl::update_main() {
   read_inputs();
   update_due_mean_loads();
@@ -73,7 +80,7 @@ Status DockingSim::Impl::update_main() {
   auto peak =
       ahead.pending ? peaks.peak_with(find_point_time(), find_peak_values(shown())) : peaks.peak();
   for (Peak& each : peak) {
-    each = each.value > 0.0 ? Peak{each.value, setup->t_start + each.time, each.step} : Peak{};
+    each = each.value > 0.0 ? Peak{each.value, tell_time(each.time), each.step} : Peak{};
   }
   std::copy_n(peak.begin(), static_cast<int>(Outputs::kLoadCount), outputs.capture_peak.begin());
   outputs.capture_peak_load_ratio = peak[Outputs::kLoadCount];
@@ -266,9 +273,7 @@ void DockingSim::Impl::update_phase_outputs() {
   outputs.seated_time = there.seated_time;
   outputs.sequence_step = discrete.sequence.step + 1;
   outputs.sequence_time_in_step = 0.0;
-  const auto report = [this](double since_start) {
-    return since_start < 0.0 ? -1.0 : setup->t_start + since_start;
-  };
+  const auto report = [this](double since_start) { return tell_time(since_start); };
   if (events->sequence().exists()) {
     outputs.sequence_time_in_step = events->sequence().find_time_in_step(find_point_time());
     std::transform(discrete.entered.begin(), discrete.entered.end(),

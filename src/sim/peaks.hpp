@@ -60,10 +60,13 @@ Maximum find_largest(double a, double b, int sections, F&& f) {
   return largest;
 }
 
+/// Time of an event that has not happened, in outputs [s]. Simulation time itself may be negative.
+constexpr double kNoTime = -1.0;
+
 /// The largest value so far, and where it arose.
 struct Peak {
   double value = 0.0;
-  double time = -1.0;  ///< [s], -1 before
+  double time = kNoTime;  ///< [s]
   int step = 0;        ///< of the sequence, from 1; 0 without a sequence
 };
 

@@ -207,6 +207,7 @@ struct DockingSim::Impl : SimState {
   double find_acceleration_bound() const;
   double find_earliest_contact(double gap) const;
   Status update(OutputGroup group);
+  double tell_time(double since_start) const;
   Status update_main();
   Status update_momentum();
   Status update_loops();

@@ -294,8 +294,8 @@ struct PointOutputs {
   int hooks_closed = 0;                ///< with their preload
   bool joint_rigid = false;
   double time_to_contact = 0.0;   ///< [s] lower bound from gap and closing speed
-  double time_of_contact = -1.0;  ///< [s] simulation time, -1 before
-  double time_of_capture = -1.0;  ///< [s] simulation time, -1 before
+  double time_of_contact = kNoTime;  ///< [s] simulation time
+  double time_of_capture = kNoTime;  ///< [s] simulation time
   int limits_exceeded = 0;        ///< see LimitRecord::find_bits()
   LimitRecord limits;             ///< with simulation times
 

@@ -20,6 +20,14 @@ NAMED_NUMBERS = {"accuracy": {"real-time": -1}}  # Reals of which some values ha
 WORDS = {"Real": "a finite number", "Integer": "a whole number", "Boolean": "true or false"}
 
 
+NO_TIME = -1.0  # of an event that has not happened, in outputs
+
+
+def happened(time: Any) -> Any:
+    """Return whether a time of an event is one; of an array, which. The start may be negative."""
+    return time != NO_TIME
+
+
 class Variable(NamedTuple):
     """A variable, as modelDescription.xml of the FMU states it.
 

@@ -14,6 +14,7 @@ from dockloop.base.figures import fit_ordinate, put_legend, save_figure
 from dockloop.base.number import say_number
 from dockloop.base.palette import LATCH_STATES, PHASES, cycle_lines, style_line
 from dockloop.native.core import list_choices, list_loads
+from dockloop.native.variables import happened
 from dockloop.result.peaks import find_peak
 from dockloop.result.recording import Result
 from dockloop.result.summary import COMMAND
@@ -71,7 +72,7 @@ def _draw(run: Result, draw: Callable) -> Any:
         put_legend(axis)
         if "time_of_contact" in run:
             for event in ("time_of_contact", "time_of_capture"):
-                if run[event][-1] >= 0.0:
+                if happened(run[event][-1]):
                     axis.axvline(run[event][-1], color="0.6", linewidth=0.8, linestyle=":")
     remark = "; dotted: first contact, capture" if "outcome" in run else ""
     axes[-1].set_xlabel(f"time [s]{remark}{axes[-1].get_xlabel()}")
@@ -154,8 +155,9 @@ def _mark(axis: Any, line: Any, time: float, value: float) -> float:
 
 def _zoom(run: Result, axis: Any, last: float) -> None:
     """Show the time from first contact to the capture or to `last`, what is later [s]."""
-    if "time_of_contact" in run and run["time_of_contact"][-1] >= 0.0:
-        begin, end = run["time_of_contact"][-1], max(last, run["time_of_capture"][-1])
+    if "time_of_contact" in run and happened(run["time_of_contact"][-1]):
+        begin, capture = run["time_of_contact"][-1], run["time_of_capture"][-1]
+        end = max(last, capture) if happened(capture) else last
         margin = 0.1 * (end - begin) + 0.1
         axis.set_xlim(max(run["time"][0], begin - margin), min(run["time"][-1], end + margin))
 

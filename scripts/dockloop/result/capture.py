@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterable, Mapping
 
 from dockloop.native.core import name_choice
+from dockloop.native.variables import NO_TIME, happened
 
 _NEEDED = re.compile(
     r"capture\.(reason|seated_time)|time_of_capture|outcome|latched\[\d+\]"
@@ -36,7 +37,7 @@ def explain_capture(values: Mapping[str, float]) -> str | None:
     if "capture.reason" not in values:
         return None
     outcome = name_choice("outcome", values["outcome"]) if "outcome" in values else ""
-    if outcome in AFTER_CAPTURE and values.get("time_of_capture", -1.0) >= 0.0:
+    if outcome in AFTER_CAPTURE and happened(values.get("time_of_capture", NO_TIME)):
         return f"captured at {values['time_of_capture']:.3f} s, then {outcome}"
     held = _list(values, "latched[{}]")
     some = f"with {sum(map(bool, held))} of {len(held)} latches held" if any(held) else ""
@@ -54,7 +55,7 @@ def explain_capture(values: Mapping[str, float]) -> str | None:
     }
     reason = name_choice("capture.reason", values["capture.reason"])
     parts = [part for part in why[reason] if part]
-    if values.get("time_of_capture", -1.0) >= 0.0 and reason != "none":
+    if happened(values.get("time_of_capture", NO_TIME)) and reason != "none":
         parts.insert(0, f"captured at {values['time_of_capture']:.3f} s, but latches let go again")
     return ", ".join(parts)
 

@@ -25,7 +25,7 @@ from typing import Any
 
 from dockloop.base.errors import UsageError, did_you_mean
 from dockloop.native.core import list_loads, read_choices
-from dockloop.native.variables import Variable
+from dockloop.native.variables import Variable, happened
 
 Values = Mapping[str, Any]
 NEVER = ("time_of_contact", "time_of_capture")  # negative: it did not happen
@@ -103,7 +103,7 @@ def say_not_seen(stop: float, end: float, steps: Mapping[str, float] | None = No
 
 def has_happened(name: str, value: float) -> bool:
     """Return whether an output is not the time, -1, of what did not happen."""
-    return not (name in NEVER or name.startswith(PEAK_TIME)) or value >= 0.0
+    return not (name in NEVER or name.startswith(PEAK_TIME)) or happened(value)
 
 
 def _with_never(values: Values) -> Values:

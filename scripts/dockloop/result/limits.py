@@ -7,6 +7,7 @@ once, at the first inner step beyond it.
 from typing import Any
 
 from dockloop.native.core import list_limits
+from dockloop.native.variables import happened
 from dockloop.result.recording import Result
 
 EXCEEDED = "limits.exceeded"
@@ -32,6 +33,6 @@ def find_exceeded(run: Result) -> list[dict[str, Any]]:
             "sentence": f"{limit.happened}; {limit.means}",
         }
         for limit in list_limits()
-        if f"limits.{limit.name}.time" in run and run[f"limits.{limit.name}.time"][-1] >= 0.0
+        if f"limits.{limit.name}.time" in run and happened(run[f"limits.{limit.name}.time"][-1])
     ]
     return sorted(found, key=lambda row: row["time"])

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from dockloop.native.variables import happened
 from dockloop.result.criteria import PEAK, PEAK_TIME
 from dockloop.result.recording import Result
 
@@ -44,7 +45,7 @@ def find_peak(run: Result, load: str) -> dict:
     older version does not report them.
     """
     peak: dict = {"value": float(run[f"{PEAK}{load}"][-1]), "time": None, "step": None}
-    if f"{PEAK_TIME}{load}" in run and run[f"{PEAK_TIME}{load}"][-1] >= 0.0:
+    if f"{PEAK_TIME}{load}" in run and happened(run[f"{PEAK_TIME}{load}"][-1]):
         peak["time"] = float(run[f"{PEAK_TIME}{load}"][-1])
         peak["step"] = name_step(run.scene, run[f"{PEAK_STEP}{load}"][-1])
     return peak

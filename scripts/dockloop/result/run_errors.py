@@ -16,7 +16,7 @@ import numpy as np
 
 from dockloop.base.errors import UsageError
 from dockloop.native.core import list_loads
-from dockloop.native.variables import MOTION
+from dockloop.native.variables import MOTION, NO_TIME, happened
 from dockloop.result.criteria import PEAK
 from dockloop.result.recording import Result
 
@@ -79,7 +79,7 @@ def find_scales(reference: Result) -> dict[str, float]:
     scales = {}
     if "ring.position[1]" in reference:
         scales["stroke"] = _find_stroke(reference.vector("ring.position"))
-    if _CAPTURE in reference and reference[_CAPTURE][-1] >= 0.0:
+    if _CAPTURE in reference and happened(reference[_CAPTURE][-1]):
         scales[_CAPTURE] = reference[_CAPTURE][-1] - reference["time_of_contact"][-1]
     for name in MOTION:
         points = reference.vector(f"{frame}.{name}")
@@ -120,9 +120,9 @@ def find_figures(reference: Result, run: Result) -> dict[str, float]:
         figures["stroke"] = abs(_find_stroke(ours) - _find_stroke(theirs)) / scales["stroke"]
     if _CAPTURE in reference:
         times = [each[_CAPTURE][-1] for each in (run, reference)]
-        if min(times) >= 0.0:
+        if all(map(happened, times)):
             figures[_CAPTURE] = float(abs(times[0] - times[1]) / scales[_CAPTURE])
-        elif max(times) >= 0.0:
+        elif any(map(happened, times)):
             figures[_CAPTURE] = np.inf
     for name in MOTION:
         ends = [each.vector(f"{frame}.{name}")[-1:] for each in (run, reference)]
@@ -147,13 +147,13 @@ def find_further_figures(
         its unit. What happened in one of the runs only is infinite.
     """
     figures = {}
-    contact = reference["time_of_contact"][-1] if "time_of_contact" in reference else -1.0
+    contact = reference["time_of_contact"][-1] if "time_of_contact" in reference else NO_TIME
     others = [name for name in chosen if name not in (*_OUTCOME, _CAPTURE)]
     for name in list_further(reference.names, (n for n in others if n not in _list_peaks())):
         ours, theirs = float(run[name][-1]), float(reference[name][-1])
         if _TIMES.fullmatch(name):
-            since = contact if 0.0 <= contact < theirs else reference.time[0]
-            scale, is_same = theirs - since, (ours < 0.0) == (theirs < 0.0)
+            since = contact if happened(contact) and contact < theirs else reference.time[0]
+            scale, is_same = theirs - since, happened(ours) == happened(theirs)
             figures[name] = abs(ours - theirs) / max(scale, _LEAST) if is_same else np.inf
         else:
             figures[name] = abs(ours - theirs) / max(np.max(np.abs(reference[name])), _LEAST)
@@ -165,7 +165,7 @@ def has_same_outcome(reference: Result, run: Result) -> bool:
 
     def find_end(of: Result) -> list[float]:
         ends = [round(of[name][-1]) for name in _OUTCOME if name in reference]
-        return [*ends, _CAPTURE in reference and of[_CAPTURE][-1] >= 0.0]
+        return [*ends, _CAPTURE in reference and happened(of[_CAPTURE][-1])]
 
     return find_end(reference) == find_end(run)
 

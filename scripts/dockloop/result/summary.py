@@ -17,7 +17,7 @@ from dockloop.base.paths import shown
 from dockloop.base.progress import import_optional
 from dockloop.base.tables import read_table
 from dockloop.native.core import list_loads, name_choice
-from dockloop.native.variables import VEHICLES
+from dockloop.native.variables import VEHICLES, happened
 from dockloop.result.capture import explain_capture, list_needed
 from dockloop.result.limits import EXCEEDED, find_exceeded
 from dockloop.result.peaks import find_leg_peak, find_peak
@@ -220,7 +220,7 @@ def _outcome(run: Result) -> dict:
 
     def when(name: str) -> float | None:
         value = float(run[name][-1])
-        return value if value >= 0.0 else None
+        return value if happened(value) else None
 
     latched = run.vector("latched")[-1] if "latched[1]" in run else np.zeros(0)
     values = {name: float(run[name][-1]) for name in list_needed(run.names)} | run.parameters
@@ -245,10 +245,10 @@ def _sequence(run: Result) -> dict:
     names = [step["name"] for step in run.scene["mechanism"]["sequence"]["steps"]]
     numbers = run["sequence.step"].astype(int)
     entered = run.vector("sequence.entered")  # an older FMU does not have it
-    counts = np.sum(entered >= 0.0, axis=1)
+    counts = np.sum(happened(entered), axis=1)
     seen: list[int] = []
     for row in np.flatnonzero(np.diff(numbers, prepend=0) | np.diff(counts, prepend=0)):
-        begun = [step for step in np.argsort(entered[row]) + 1 if entered[row, step - 1] >= 0.0]
+        begun = [step for step in np.argsort(entered[row]) + 1 if happened(entered[row, step - 1])]
         seen += [step for step in begun if step not in (*seen, numbers[row])]
         seen += [numbers[row]] if numbers[row] not in seen[-1:] else []
     return {

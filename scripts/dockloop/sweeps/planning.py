@@ -428,15 +428,18 @@ class Planner:
                 raise UsageError(f"{place}: takes {value!r}: must be {wanted}")
 
     def with_unit(self, quantity: Quantity) -> Quantity:
-        """Fill in a unit that the sweep file leaves out."""
+        """Fill in a unit that the sweep file leaves out. Raises UsageError: it is another one."""
         name, unit = quantity.name, quantity.unit
         first = self._match(name)[0]
         variable = self.variables.get(first)
-        if not unit and variable is not None:
-            unit = variable.unit
-        if not unit:
-            unit = scene_members().get(first, {}).get("unit", "")
-        return replace(quantity, unit=unit)
+        own = variable.unit if variable is not None else ""
+        own = own or scene_members().get(first, {}).get("unit", "")
+        if unit and own and unit != own and find_factor(unit, own) != 1.0:
+            raise UsageError(
+                f"{shown(self._sweep.path)}: the unit of '{name}' is '{unit}': must be {own};"
+                " values are not converted"
+            )
+        return replace(quantity, unit=unit or own)
 
     def _convert(self, quantity: Quantity) -> Quantity:
         """Return named cases in the units of their keys and variables."""

@@ -23,7 +23,7 @@ from dockloop.base.paths import shown
 from dockloop.base.template import fill
 from dockloop.base.version import __version__
 from dockloop.native.core import list_choices, list_limits, list_loads
-from dockloop.native.variables import VEHICLES
+from dockloop.native.variables import VEHICLES, happened
 from dockloop.report.run import say_outcome
 from dockloop.result.limits import find_exceeded
 from dockloop.result.peaks import find_peak
@@ -349,7 +349,7 @@ def find_events(run: Result) -> list[dict]:
         ("time_of_contact", "contact", "first contact"),
         ("time_of_capture", "capture", "capture"),
     ):
-        if name in run and run[name][-1] >= 0.0:
+        if name in run and happened(run[name][-1]):
             add(key, text, float(run[name][-1]))
     for name, text, at in _list_passed(run):
         if name != "load":  # below, each load apart

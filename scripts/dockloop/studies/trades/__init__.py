@@ -42,6 +42,7 @@ from dockloop.native.core import (
     name_choice,
     number_choice,
 )
+from dockloop.native.variables import happened
 from dockloop.result.criteria import say_not_seen
 from dockloop.result.peaks import list_steps_after
 from dockloop.result.recording import Result
@@ -429,7 +430,7 @@ def _run_scene(bench: Bench, default: Setting) -> Result | None:
 
 def _find_stop(bench: Bench, whole: Result | None) -> float:
     """Return the end by default: a little after the capture, or that of the scene."""
-    if whole and (capture := whole["time_of_capture"][-1]) >= 0.0:
+    if whole and happened(capture := whole["time_of_capture"][-1]):
         return min(bench.stop, float(math.ceil(capture + _AFTER_CAPTURE)))
     return bench.stop
 
