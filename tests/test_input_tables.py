@@ -78,6 +78,13 @@ def test_a_force_has_its_effect_at_any_step(write, method, interpolation):
         assert run["chaser.force_ext[1]"][away] == pytest.approx(np.array(shown)[away], abs=1e-7)
 
 
+def test_a_table_is_compared_with_the_start_of_the_run(write, capsys):
+    scene = write("time,chaser.force_ext[1]\n0,10\n2,10\n")
+    dl.run(scene, {"experiment.start": 64.0, "experiment.stop": 66.0}, stop=65.0)
+    said = capsys.readouterr().err
+    assert "jets.csv: is from 0 to 2 s, the run from 64 to 66 s: only one row acts" in said
+
+
 @pytest.mark.parametrize("begin", [1774958400, 100, -9])  # since 1970; behind the run; before it
 def test_a_table_that_the_run_does_not_meet_is_said(write, begin, capsys):
     text = f"time,chaser.force_ext[1]\n{begin},10\n{begin + 2},10\n"

@@ -180,6 +180,34 @@ def test_a_key_for_hosts_says_where_there_is_none():
     assert len(said) == 1
     assert said[0].startswith('--scene coupling.mode="parallel": has no effect without a vehicle')
     assert not dl.Docking(SCENE, mode | {"chaser.motion": "driven"}).warnings
+    parts = {"phases.rebound_gap": 0.6}
+    assert "has no effect in a sequence" in dl.Docking("gripper", parts).warnings[0]
+    assert not dl.Docking(SCENE, parts).warnings
+
+
+MOVED = ({"interface_position[1]": 3.9}, "chaser.interface_position: ", "180 mm")
+SPUN = ({"inertia[2]": 180e3}, "chaser.inertia: ", "11.1")
+
+
+@pytest.mark.parametrize(
+    ("keys", "values", "begin", "distance"),
+    [({}, *MOVED), ({"initial.pitch_yaw_rate_deg_s": 0.2, "initial.approach_time": 60.0}, *SPUN)],
+)
+def test_a_start_that_was_placed_for_other_values_is_said(keys, values, begin, distance):
+    starts = {f"chaser.{name}": value for name, value in values.items()}
+    said = dl.run(SCENE, keys, starts, stop=0.1, step=0.1).warnings
+    assert len(said) == 1, said
+    assert said[0].startswith(begin)
+    assert distance in said[0]
+    assert not dl.run(SCENE, {}, {"chaser.mass": 2500.0}, stop=0.1, step=0.1).warnings
+
+
+def test_a_body_with_moments_of_no_rigid_body_is_said():
+    inertia = [[130.0, 0.0, 0.0], [0.0, 7.0, 0.0], [0.0, 0.0, 7.0]]
+    said = dl.run(
+        SCENE, {"mechanism.set.bodies.ring.inertia": inertia}, stop=0.1, step=0.1
+    ).warnings
+    assert [text[:30] for text in said] == ["inertia of 'ring': no rigid bo"]
 
 
 @pytest.mark.parametrize(("setting", "words"), REFUSED.items())

@@ -16,13 +16,12 @@
 #include "math/status.hpp"
 #include "mechanism/mechanism_dynamics.hpp"
 #include "model/json_reader.hpp"
+#include "sim/start_checks.hpp"
 
 namespace dockloop {
 namespace {
 
 using nlohmann::json;
-
-constexpr double kMomentSlack = 1e-9;  // relative, of rounded moments of inertia
 
 json to_json(const VecX<double>& v) { return std::vector<double>(v.data(), v.data() + v.size()); }
 
@@ -239,25 +238,6 @@ json describe_seated_play(const Capture& capture, json& warnings) {
           {"latch_window_mm", 1e3 * window}};
 }
 
-/// Moments of inertia that no rigid body has; legs that share them are named together. A warning
-/// and no more: a rotor or a strut may be idealised.
-void warn_of_inertias(const MechanismModel& model, json& warnings) {
-  std::map<std::array<double, 3>, std::string> names;
-  for (const Body& body : model.bodies) {
-    const Vec3<double> moment = find_principal_moments(body.inertia);
-    if (can_have_moments(moment, kMomentSlack)) continue;
-    std::string& text = names[{moment[0], moment[1], moment[2]}];
-    text += (text.empty() ? "" : ", ") + ("'" + body.name + "'");
-  }
-  for (const auto& [moment, text] : names) {
-    warnings.push_back("inertia of " + text + ": no rigid body has the principal moments " +
-                       describe_rounded(moment[0]) + ", " + describe_rounded(moment[1]) + ", " +
-                       describe_rounded(moment[2], "kg m2") +
-                       "; the largest is at most the sum of the others, unless this idealises "
-                       "a rotor or a strut");
-  }
-}
-
 /// Refuses a bad sequence; which hardware its actions find is known with a scene only.
 void check_sequence(const std::string& text, const std::string& source_name,
                     const MechanismModel& model) {
@@ -328,7 +308,7 @@ json check_mechanism_file(const std::string& text, const std::string& source_nam
     warnings.push_back("a loop is close to singular at home");
   }
   for (const std::string& note : mechanism.notes) warnings.push_back(note);
-  warn_of_inertias(model, warnings);
+  for (const std::string& said : list_doubtful_inertias(model)) warnings.push_back(said);
   const json play = describe_seated_play(read_capture(text, source_name), warnings);
   if (!play.is_null()) result["seated_play"] = play;
   result["effects"] = describe_effects(mechanism);

@@ -192,4 +192,48 @@ Placement find_placement(const Scene& scene) {
   return placement;
 }
 
+Misplacement find_misplacement(const Scene& scene, const std::array<VehicleParameters, 2>& now) {
+  constexpr double kLeast = 1e-4;  // of the distance at the start, and of a radian
+  Misplacement found;
+  if (!scene.conditions.given || !scene.has_target || scene.motion[kChaser] == Motion::kFixed) {
+    return found;
+  }
+  Scene changed = scene;
+  for (int i : {kChaser, kTarget}) {
+    const VehicleParameters &p = now[i], &stated = scene.vehicle[i];
+    if (p.position != stated.position || p.attitude != stated.attitude ||
+        p.velocity != stated.velocity || p.angular_velocity != stated.angular_velocity) {
+      return found;
+    }
+    const auto note = [&](const char* name, bool is_changed) {
+      if (!is_changed) return;
+      found.names += (found.names.empty() ? "" : ", ") + std::string(get_vehicle_name(i)) + name;
+    };
+    note(".mass", p.mass != stated.mass);
+    note(".inertia", p.inertia != stated.inertia);
+    note(".interface_position", p.interface_position != stated.interface_position);
+    note(".interface_attitude", p.interface_attitude != stated.interface_attitude);
+    changed.vehicle[i] = p;
+  }
+  if (found.names.empty()) return found;
+  const auto find_start = [](const std::array<VehicleParameters, 2>& vehicles) {
+    std::array<Pose<double>, 2> interface;
+    for (int i : {kChaser, kTarget}) {
+      const VehicleParameters& p = vehicles[i];
+      interface[i] =
+          Pose<double>{quat_to_matrix<double>(p.attitude), p.position} *
+          Pose<double>{quat_to_matrix<double>(p.interface_attitude), p.interface_position};
+    }
+    return inverse(interface[kChaser]) * interface[kTarget];
+  };
+  // The states of the scene are those at the start already, so placed once more they differ.
+  const Pose<double> is = find_start(now), wanted = find_start(find_placement(changed).vehicle);
+  const Pose<double> was = find_start(scene.vehicle),
+                     again = find_start(find_placement(scene).vehicle);
+  found.distance = (is.p - wanted.p - (was.p - again.p)).norm();
+  const double turned = (is.R - wanted.R - (was.R - again.R)).norm();
+  if (found.distance <= kLeast * is.p.norm() && turned <= kLeast) found.names.clear();
+  return found;
+}
+
 }  // namespace dockloop

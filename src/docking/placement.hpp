@@ -7,6 +7,7 @@
 #pragma once
 
 #include <array>
+#include <string>
 
 #include "docking/scene.hpp"
 
@@ -21,5 +22,15 @@ struct Placement {
 /// @throws ModelError if the scene has no such conditions, its chaser is fixed, or the surfaces
 /// overlap at the start.
 Placement find_placement(const Scene& scene);
+
+/// Parameters can be changed after a scene was placed. Its conditions at first contact then hold
+/// for the old values.
+struct Misplacement {
+  std::string names;      ///< of the changed parameters, with commas; empty: nothing is off
+  double distance = 0.0;  ///< of P from where it had to start, relative to A [m]
+};
+
+/// @param now  with the start states of the scene, else nothing is off
+Misplacement find_misplacement(const Scene& scene, const std::array<VehicleParameters, 2>& now);
 
 }  // namespace dockloop

@@ -25,6 +25,9 @@
 namespace dockloop {
 
 enum VehicleIndex { kChaser = 0, kTarget = 1 };
+inline const char* get_vehicle_name(int vehicle) {
+  return vehicle == kChaser ? "chaser" : "target";
+}
 /// Motion of a vehicle: integrated inside, prescribed by the host at communication points, or
 /// fixed.
 enum class Motion { kFree, kDriven, kFixed, kRecorded };  ///< recorded: by an input history

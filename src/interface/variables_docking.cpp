@@ -127,9 +127,8 @@ void add_peak(Table& table, const std::string& before, const std::string& after,
   const std::string largest = "largest since the start over all inner steps";
   table.output(before + ".peak" + after, &peak.value, quantity, text + ", " + largest)
       .not_negative();
-  table
-      .output(before + ".peak_time" + after, &peak.time, kTime,
-              "Simulation time of " + before + ".peak" + after + ", -1 before");
+  table.output(before + ".peak_time" + after, &peak.time, kTime,
+               "Simulation time of " + before + ".peak" + after + ", -1 before");
   table
       .output(before + ".peak_step" + after, &peak.step, kNone,
               "Step of the sequence in which " + before + ".peak" + after +

@@ -16,8 +16,6 @@ constexpr double kNormWarning = 1e-6;  ///< error of the norm of a received quat
 
 }  // namespace
 
-const char* get_vehicle_name(int vehicle) { return vehicle == kChaser ? "chaser" : "target"; }
-
 VehicleState find_vehicle_state(const DockingModel& model, const DockingData<double>& data,
                                 int vehicle) {
   VehicleState state;

@@ -16,8 +16,6 @@
 
 namespace dockloop {
 
-const char* get_vehicle_name(int vehicle);
-
 /// Motion of a vehicle's centre-of-mass frame in O. @pre calc_docking
 VehicleState find_vehicle_state(const DockingModel& model, const DockingData<double>& data,
                                 int vehicle);

@@ -67,7 +67,7 @@ constexpr double kNoTime = -1.0;
 struct Peak {
   double value = 0.0;
   double time = kNoTime;  ///< [s]
-  int step = 0;        ///< of the sequence, from 1; 0 without a sequence
+  int step = 0;           ///< of the sequence, from 1; 0 without a sequence
 };
 
 /// @tparam kSearched  values for which steps are searched; the others follow them

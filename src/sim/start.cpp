@@ -5,6 +5,7 @@
 
 #include "docking/frame_origin.hpp"
 #include "docking/hardware_numbers.hpp"
+#include "docking/placement.hpp"
 #include "math/decompositions.hpp"
 #include "mechanism/kernels.hpp"
 #include "sim/sim_impl.hpp"
@@ -573,6 +574,16 @@ void DockingSim::Impl::warn_about_start() {
     warnings.push_back(
         "the kernel in the FMU was made for another mechanism and is not used (same results, "
         "slower)");
+  }
+  for (std::string& said : list_doubtful_inertias(scene->mechanism)) {
+    warnings.push_back(std::move(said));
+  }
+  if (const Misplacement found = find_misplacement(*scene, parameters.vehicle);
+      !found.names.empty()) {
+    warnings.push_back(found.names +
+                       ": the vehicles start where the scene has placed them for other values, " +
+                       describe_number(1e3 * found.distance) +
+                       " mm from where they meet as [initial] states; set it in the scene");
   }
   if (!has_surfaces() || !model->contact.has_surfaces()) return;
   // k >= 4 m v^2/rounding^2 for the impacting mass: the capture body on its legs, or all bodies.

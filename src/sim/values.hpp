@@ -293,11 +293,11 @@ struct PointOutputs {
   double seated_time = 0.0;            ///< [s] seated without capture
   int hooks_closed = 0;                ///< with their preload
   bool joint_rigid = false;
-  double time_to_contact = 0.0;   ///< [s] lower bound from gap and closing speed
+  double time_to_contact = 0.0;      ///< [s] lower bound from gap and closing speed
   double time_of_contact = kNoTime;  ///< [s] simulation time
   double time_of_capture = kNoTime;  ///< [s] simulation time
-  int limits_exceeded = 0;        ///< see LimitRecord::find_bits()
-  LimitRecord limits;             ///< with simulation times
+  int limits_exceeded = 0;           ///< see LimitRecord::find_bits()
+  LimitRecord limits;                ///< with simulation times
 
   /// group energy: |p - p(0) - impulse| / momentum scale [-]; with kernels at present, else largest
   double momentum_residual = 0.0;

@@ -18,6 +18,7 @@ NEVER_TOUCH = (
 _AT_START = (
     "no effect while initial.at is not 'first_contact': the states of [chaser] and [target] hold"
 )
+_IN_SEQUENCE = "no effect in a sequence, whose steps say when vehicles part"
 _NOT_DRIVEN = "no effect without a vehicle that a host integrates: chaser.motion=driven"
 _STARTS = ("at", "capture_body", "joints")  # of [initial], all that acts at the start
 
@@ -30,6 +31,8 @@ def find_idleness(key: str, document: dict) -> str:
     if section == "coupling":
         motions = [document.get(vehicle, {}).get("motion") for vehicle in VEHICLES]
         return "" if "driven" in motions else _NOT_DRIVEN
+    if key == "phases.rebound_gap" and "sequence" in document["mechanism"]:
+        return _IN_SEQUENCE
     return ""
 
 
@@ -81,9 +84,10 @@ def read_placed(
 
     document = (reader or SceneReader(path)).resolve(overrides, given_by, place_and_check, say)
     for text in overrides:
-        if find_idleness(text.partition("=")[0].strip(), document) == _NOT_DRIVEN:
+        why = find_idleness(text.partition("=")[0].strip(), document)
+        if why and why != _AT_START:  # of that the placement warns
             begin = (given_by or {}).get(text, f"--scene {text}")
-            (say or warn)(f"{begin}: has {_NOT_DRIVEN}")
+            (say or warn)(f"{begin}: has {why}")
     return document
 
 

@@ -214,9 +214,10 @@ def read_inputs(entries: Sequence[dict], document: dict, source: Path) -> list[d
         others = records.take(data, shown(path))
         if not others:
             continue
-        stop = document["experiment"]["stop"]
-        if data.time[0] > stop or data.time[-1] < 0.0:
-            span = f"{data.time[0]:.10g} to {data.time[-1]:.10g} s, the run from 0 to {stop:g} s"
+        begin, stop = (document["experiment"][name] for name in ("start", "stop"))
+        if data.time[0] > stop or data.time[-1] < begin:
+            span = f"{data.time[0]:.10g} to {data.time[-1]:.10g} s"
+            span += f", the run from {begin:g} to {stop:g} s"
             warn_once(
                 f"{shown(path)}: is from {span}: only one row acts; times are those of the run, or"
                 " dates"
