@@ -16,7 +16,6 @@
 #include "math/status.hpp"
 #include "mechanism/mechanism_dynamics.hpp"
 #include "model/json_reader.hpp"
-#include "sim/start_checks.hpp"
 
 namespace dockloop {
 namespace {

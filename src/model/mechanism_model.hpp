@@ -237,6 +237,9 @@ void number_coordinates(MechanismModel& model);
 
 /// All checks without kinematics. @throws ModelError with element, value, limit.
 void check_mechanism(const MechanismModel& model);
+/// Warnings of moments of inertia that no rigid body has, which may idealise a rotor or a strut;
+/// legs that share them are named together.
+std::vector<std::string> list_doubtful_inertias(const MechanismModel& model);
 
 /// Read a mechanism document (low-level members, or under the key "mechanism"; `legs` expanded).
 /// @param source_name file name for messages. @throws ModelError

@@ -1,8 +1,7 @@
-// Checks of parameters, and of a start state. Checks throw ModelError: name, value, limit, remedy.
+// Checks of parameters, and of a start state. All throw ModelError: name, value, limit, remedy.
 #pragma once
 
 #include <string>
-#include <vector>
 
 #include "docking/docking_model.hpp"
 #include "sim/docking_sim.hpp"
@@ -23,9 +22,6 @@ void check_parameters(const Parameters& p, const Scene& scene, FmiKind fmi_kind,
                       bool has_comparison);
 /// A start can be prescribed only for single joints that no loop determines.
 void check_joint_starts(const Scene& scene, const LoopPlan& plan);
-/// Warnings of moments of inertia that no rigid body has, which may idealise a rotor or a strut;
-/// legs that share them are named together.
-std::vector<std::string> list_doubtful_inertias(const MechanismModel& model);
 /// A locked mechanism must be at rest. @param data  evaluation of the start state
 void check_mechanism_rests(const DockingModel& model, const DockingData<double>& data);
 
