@@ -95,7 +95,7 @@ def test_stated_tolerances_become_a_tenth():
 def test_dockings_of_the_study_are_within(study, number):
     """Their runs with accuracy = 1e-2 alone are not always."""
     docking = study.draw_docking(number)
-    found = study.measure_one(docking, 1e-2, study.solve(docking))
+    found = study.measure_one(docking, 1e-2, study.solve(docking, study.TOLERANCES[0]))
     assert not found["assured"]["refused"]
     assert study.is_within(found, "assured", 1e-2)
     assert found["assured"]["settings"] >= 2

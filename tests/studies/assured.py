@@ -30,7 +30,7 @@ from unseen import SEED, STOP, draw_docking
 PAGE = ROOT / "tests" / "validation" / "assured.md"
 CASES = 40
 WANTED = (1e-2, 1e-3)
-REFERENCE = ("bdf", 1e-9)  # method and tolerance of the reference solution
+REFERENCE, TOLERANCES = "bdf", (1e-9, 1e-11)  # the second where the first calls a run wrong
 LIMIT = 15.0  # s of processor time of a reference solution
 KINDS = {  # of dockings, on the page
     "all": lambda row: True,
@@ -42,9 +42,9 @@ KINDS = {  # of dockings, on the page
 }
 
 
-def solve(docking):
+def solve(docking, tolerance):
     """Return the reference solution at the communication points of a docking."""
-    settings = {"solver.method": REFERENCE[0], **list_tolerances(REFERENCE[1])}
+    settings = {"solver.method": REFERENCE, **list_tolerances(tolerance)}
     until = time.process_time() + LIMIT
 
     def watch(_):
@@ -78,12 +78,14 @@ def measure(number):
         "has_thrust": "chaser.contact_thrust" in keys,
         "is_long": docking.stop > STOP,
     }
-    try:
-        reference = solve(docking)
-    except DockloopError as error:
-        return row | {"failure": one_line(str(error))}
-    for wanted in WANTED:
-        row[f"{wanted:g}"] = measure_one(docking, wanted, reference)
+    for tolerance in TOLERANCES:
+        try:
+            reference = solve(docking, tolerance)
+        except DockloopError as error:
+            return row | {"failure": one_line(str(error))}
+        row |= {f"{wanted:g}": measure_one(docking, wanted, reference) for wanted in WANTED}
+        if not any(is_wrong(row[f"{wanted:g}"], wanted) for wanted in WANTED):
+            break
     return row
 
 
@@ -111,6 +113,15 @@ def is_within(found, name, wanted):
     """Return whether the largest error of a run is within the wanted one."""
     error = found[name]["error"][1]
     return error is not None and error <= wanted
+
+
+def is_wrong(found, wanted):
+    """Return whether a run is called assured, but not within the wanted error."""
+    return (
+        "failure" not in found
+        and not found["assured"]["refused"]
+        and not is_within(found, "assured", wanted)
+    )
 
 
 def describe_share(count, total):
@@ -177,9 +188,7 @@ def describe_wrong(rows):
         f"{row['number']} at {wanted:g} ({found['assured']['error'][0]})"
         for wanted in WANTED
         for row in rows
-        if "failure" not in (found := row[f"{wanted:g}"])
-        and not found["assured"]["refused"]
-        and not is_within(found, "assured", wanted)
+        if is_wrong(found := row[f"{wanted:g}"], wanted)
     ]
     if not wrong:
         return "Every assured run is within its accuracy."
@@ -195,7 +204,8 @@ def describe_page(drawn, left=()):
         f" seed {SEED}), others than those of the tables. They have own guide rings and hexapods,"
         " vehicles of 1 to 1000 t, closing speeds of 0.005 to 0.4 m/s, bristles, thrust, sequences."
         f" Scenes: {', '.join(f'{n} of `{name}`' for name, n in scenes.items())}."
-        f" The reference solution is that of {REFERENCE[0]} at a tolerance of {REFERENCE[1]:g}."
+        f" The reference solution is that of {REFERENCE} at a tolerance of {TOLERANCES[0]:g}, and"
+        f" of {TOLERANCES[1]:g} where an assured run is not within its accuracy by that one."
         " The error is the largest one of all figures"
         " (`scripts/dockloop/result/run_errors.py`), also times of the sequence.",
         describe_wrong(rows),
