@@ -341,6 +341,23 @@ def test_check_warns_where_seated_strikers_stand_before_their_hooks(dockloop, tm
         assert part in warning
 
 
+@pytest.mark.parametrize("degrees", [60, 120])
+def test_check_warns_of_a_ring_whose_petals_meet_petals(dockloop, tmp_path, degrees):
+    """The ring is turned on its joint, its leg ends are turned back: legs are as they were."""
+
+    def turn(mechanism):
+        angle = math.radians(degrees)
+        c, s = math.cos(angle), math.sin(angle)
+        mechanism["bodies"][0]["joint"]["rotation"] = [[1, 0, 0], [0, c, -s], [0, s, c]]
+        for leg in mechanism["legs"]:
+            x, y, z = leg["closing_point"]
+            leg["closing_point"] = [x, c * y + s * z, c * z - s * y]
+
+    _, report = check(dockloop, tmp_path, spoil(turn))
+    (warning,) = report["warnings"]
+    assert warning.startswith(f"at home the ring is turned by {degrees} deg about x")
+
+
 def test_check_says_seated_play_of_the_default_and_finds_nothing_wrong(dockloop, tmp_path):
     text, report = check(dockloop, tmp_path, spoil(lambda m: None))
     assert report["seated_play"]["striker_offset_mm"] < report["seated_play"]["latch_window_mm"]

@@ -206,7 +206,8 @@ json describe_mode(const Mode& mode) {
 }
 
 /// Play of the seated rings, and what is wrong with it; null without rings or latches.
-json describe_seated_play(const Capture& capture, json& warnings) {
+/// @param G  axes of the active ring at home, in those of its base
+json describe_seated_play(const Capture& capture, const Mat3<double>& G, json& warnings) {
   if (!capture.contact.rings || capture.latches.count() == 0) return {};
   const SeatedPlay play = find_seated_play(capture.contact, capture.latches);
   if (play.overlap > 0.0) {
@@ -214,6 +215,16 @@ json describe_seated_play(const Capture& capture, json& warnings) {
                        describe_rounded(1e3 * play.overlap, "mm") +
                        " deep in each other or in a ring");
     return {};
+  }
+  // Docked, the axes of P are those of A.
+  const double turn = std::atan2(-G(1, 2), G(1, 1));
+  if (!(-turn >= play.least_roll && -turn <= play.most_roll)) {
+    warnings.push_back(
+        "at home the ring is turned by " + describe_rounded(turn / kDegree, "deg") +
+        " about x, but petals have a play of " + describe_rounded(play.least_roll / kDegree) +
+        " to " + describe_rounded(play.most_roll / kDegree, "deg") +
+        ": petals of a target that is not turned meet petals; turn the joint of the ring, or, "
+        "where the base is turned against the vehicle, disregard this");
   }
   const double catch_distance = capture.latches.latch[0].law.catch_distance;
   if (play.striker_opening > catch_distance) {
@@ -308,7 +319,11 @@ json check_mechanism_file(const std::string& text, const std::string& source_nam
   }
   for (const std::string& note : mechanism.notes) warnings.push_back(note);
   for (const std::string& said : list_doubtful_inertias(model)) warnings.push_back(said);
-  const json play = describe_seated_play(read_capture(text, source_name), warnings);
+  const Mat3<double> on_body = model.capture_in_body.R;
+  const Mat3<double> G = model.capture_body == kBase
+                             ? on_body
+                             : Mat3<double>(data.tree.R[model.capture_body] * on_body);
+  const json play = describe_seated_play(read_capture(text, source_name), G, warnings);
   if (!play.is_null()) result["seated_play"] = play;
   result["effects"] = describe_effects(mechanism);
   result["ranges"] = describe_ranges(mechanism);
