@@ -554,11 +554,19 @@ def test_a_sweep_keeps_chosen_histories(dockloop, monkeypatch, tmp_path):
         dl.sweep("own.toml")
 
 
-@pytest.mark.parametrize(("unit", "is_right"), [("m/s", True), ("m.s-1", True), ("cm/s", False)])
-def test_a_unit_is_that_of_the_quantity(dockloop, tmp_path, unit, is_right):
-    text = f'type = "grid"\nname = "initial.closing_speed"\nunit = "{unit}"\nvalues = [0.1, 0.2]'
+@pytest.mark.parametrize(
+    ("name", "unit", "own"),
+    [
+        ("initial.closing_speed", "m/s", ""),
+        ("initial.closing_speed", "m.s-1", ""),
+        ("initial.closing_speed", "cm/s", "m/s"),
+        ("target.angular_velocity.1", "deg/s", "rad/s"),
+    ],
+)
+def test_a_unit_is_that_of_the_quantity(dockloop, tmp_path, name, unit, own):
+    text = f'type = "grid"\nname = "{name}"\nunit = "{unit}"\nvalues = [0.1, 0.2]'
     file = write(tmp_path, vary(text, more="[experiment]\nstop = 0.1\nstep = 0.1\n"))
     done = dockloop("sweep", file, "-o", tmp_path / "x.parquet", "--no-plots")
-    assert (done.status == 0) == is_right, done
-    if not is_right:
-        assert "the unit of 'initial.closing_speed' is 'cm/s': must be m/s" in done.err
+    assert (done.status == 0) == (not own), done
+    if own:
+        assert f"the unit of '{name}' is '{unit}': must be {own}" in done.err

@@ -6,6 +6,7 @@ Names are checked once, against the members of scenes and the variables of the c
 import copy
 import hashlib
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -433,7 +434,8 @@ class Planner:
         first = self._match(name)[0]
         variable = self.variables.get(first)
         own = variable.unit if variable is not None else ""
-        own = own or scene_members().get(first, {}).get("unit", "")
+        whole = re.sub(r"\.\d+$", "", first)  # of one number of a vector
+        own = own or scene_members().get(whole, {}).get("unit", "")
         if unit and own and unit != own and find_factor(unit, own) != 1.0:
             raise UsageError(
                 f"{shown(self._sweep.path)}: the unit of '{name}' is '{unit}': must be {own};"
