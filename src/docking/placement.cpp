@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 
 #include "docking/docking_model.hpp"
 #include "math/rigid_body.hpp"
@@ -226,13 +227,17 @@ Misplacement find_misplacement(const Scene& scene, const std::array<VehicleParam
     }
     return inverse(interface[kChaser]) * interface[kTarget];
   };
-  // The states of the scene are those at the start already, so placed once more they differ.
-  const Pose<double> is = find_start(now), wanted = find_start(find_placement(changed).vehicle);
-  const Pose<double> was = find_start(scene.vehicle),
-                     again = find_start(find_placement(scene).vehicle);
-  found.distance = (is.p - wanted.p - (was.p - again.p)).norm();
-  const double turned = (is.R - wanted.R - (was.R - again.R)).norm();
-  if (found.distance <= kLeast * is.p.norm() && turned <= kLeast) found.names.clear();
+  try {
+    // The states of the scene are those at the start already, so placed once more they differ.
+    const Pose<double> is = find_start(now), wanted = find_start(find_placement(changed).vehicle);
+    const Pose<double> was = find_start(scene.vehicle),
+                       again = find_start(find_placement(scene).vehicle);
+    found.distance = (is.p - wanted.p - (was.p - again.p)).norm();
+    const double turned = (is.R - wanted.R - (was.R - again.R)).norm();
+    if (found.distance <= kLeast * is.p.norm() && turned <= kLeast) found.names.clear();
+  } catch (const ModelError&) {
+    found.distance = std::numeric_limits<double>::infinity();
+  }
   return found;
 }
 

@@ -27,7 +27,7 @@ Placement find_placement(const Scene& scene);
 /// for the old values.
 struct Misplacement {
   std::string names;      ///< of the changed parameters, with commas; empty: nothing is off
-  double distance = 0.0;  ///< of P from where it had to start, relative to A [m]
+  double distance = 0.0;  ///< of P from where it had to start, relative to A [m]; infinite: nowhere
 };
 
 /// @param now  with the start states of the scene, else nothing is off

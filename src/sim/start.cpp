@@ -580,10 +580,13 @@ void DockingSim::Impl::warn_about_start() {
   }
   if (const Misplacement found = find_misplacement(*scene, parameters.vehicle);
       !found.names.empty()) {
+    const std::string off =
+        std::isfinite(found.distance)
+            ? describe_number(1e3 * found.distance) + " mm from where they meet as [initial] states"
+            : "and meet nowhere as [initial] states";
     warnings.push_back(found.names +
                        ": the vehicles start where the scene has placed them for other values, " +
-                       describe_number(1e3 * found.distance) +
-                       " mm from where they meet as [initial] states; set it in the scene");
+                       off + "; set it in the scene");
   }
   if (!has_surfaces() || !model->contact.has_surfaces()) return;
   // k >= 4 m v^2/rounding^2 for the impacting mass: the capture body on its legs, or all bodies.
