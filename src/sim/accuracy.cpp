@@ -308,7 +308,8 @@ std::string describe_forgotten(const Parameters& p) {
   note("atol_energy", p.atol_energy, defaults.atol_energy, "J");
   if (names.empty()) return {};
   return format("solver.rtol = %.3g is tighter than usual, but ", p.rtol) + names +
-         " stay as they are and limit the accuracy; set them too, or set accuracy, which chooses all of them";
+         " stay as they are and limit the accuracy; set them too, or set accuracy, which chooses "
+         "all of them";
 }
 
 std::string describe_left_out(const WorkDone& work) {

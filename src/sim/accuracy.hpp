@@ -40,7 +40,8 @@ std::string describe_choice(const Parameters& parameters, const SolverChoice& ch
                             const MethodFacts& method, double tolerance, const DockingModel& model);
 
 /// Absolute tolerances that are left as they are while the relative one is far tighter: they decide
-/// then. @return a sentence, empty where nothing is to be said. @pre error control, parameters.accuracy == 0
+/// then. @return a sentence, empty where nothing is to be said. @pre error control,
+/// parameters.accuracy == 0
 std::string describe_forgotten(const Parameters& parameters);
 
 /// What a run has done and has not done until now.
