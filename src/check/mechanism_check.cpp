@@ -2,9 +2,7 @@
 #include "check/mechanism_check.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cstdio>
-#include <map>
 
 #include "check/coordinate_effects.hpp"
 #include "check/mechanism_modes.hpp"

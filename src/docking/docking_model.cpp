@@ -274,16 +274,15 @@ bool is_any(int) { return true; }
 void lock_mechanism(const DockingModel& model, DockingData<double>& data, LockedMechanism& locked) {
   calc_leg_bodies(model.mechanism, data.mechanism);
   const TreeData<double>& tree = data.mechanism.tree;
-  const FrameMotion<double>& chaser = data.vehicle[kChaser];
+  const MechanismModel& mechanism = model.mechanism.model;
+  const FrameMotion<double>&chaser = data.vehicle[kChaser], G = find_capture_motion(model, tree);
   const Pose<double> to_chaser = inverse(Pose<double>{chaser.R, chaser.p});
   locked.q = tree.q;
-  locked.capture = to_chaser * Pose<double>{data.capture.R, data.capture.p};
-  locked.contact_bodies.resize(data.contact_bodies.size());
-  for (size_t i = 0; i < data.contact_bodies.size(); ++i) {
-    const int body = model.mechanism.model.contact_bodies[i];
-    locked.contact_bodies[i] = to_chaser * Pose<double>{tree.R[body], tree.p[body]};
+  locked.capture = to_chaser * Pose<double>{G.R, G.p};
+  locked.contact_bodies.clear();
+  for (int body : mechanism.contact_bodies) {
+    locked.contact_bodies.push_back(to_chaser * Pose<double>{tree.R[body], tree.p[body]});
   }
-  const MechanismModel& mechanism = model.mechanism.model;
   locked.carrier = Pose<double>();
   if (mechanism.carrier != model.mechanism.vehicle) {
     locked.carrier = to_chaser * Pose<double>{tree.R[mechanism.carrier], tree.p[mechanism.carrier]};

@@ -199,7 +199,6 @@ Misplacement find_misplacement(const Scene& scene, const std::array<VehicleParam
   if (!scene.conditions.given || !scene.has_target || scene.motion[kChaser] == Motion::kFixed) {
     return found;
   }
-  Scene changed = scene;
   for (int i : {kChaser, kTarget}) {
     const VehicleParameters &p = now[i], &stated = scene.vehicle[i];
     if (p.position != stated.position || p.attitude != stated.attitude ||
@@ -214,9 +213,10 @@ Misplacement find_misplacement(const Scene& scene, const std::array<VehicleParam
     note(".inertia", p.inertia != stated.inertia);
     note(".interface_position", p.interface_position != stated.interface_position);
     note(".interface_attitude", p.interface_attitude != stated.interface_attitude);
-    changed.vehicle[i] = p;
   }
   if (found.names.empty()) return found;
+  Scene changed = scene;
+  changed.vehicle = now;
   const auto find_start = [](const std::array<VehicleParameters, 2>& vehicles) {
     std::array<Pose<double>, 2> interface;
     for (int i : {kChaser, kTarget}) {

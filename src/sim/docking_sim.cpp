@@ -7,6 +7,13 @@
 #include "sim/sim_impl.hpp"
 
 namespace dockloop {
+namespace {
+
+/// All that outputs() has: what is read of a state and its evaluation.
+constexpr OutputGroup kReadGroups[] = {OutputGroup::kMain, OutputGroup::kMomentum,
+                                       OutputGroup::kLoops, OutputGroup::kStack};
+
+}  // namespace
 
 DockingSim::DockingSim(std::shared_ptr<const Scene> scene, FmiKind fmi_kind,
                        const Comparison* comparison)
@@ -57,10 +64,7 @@ Status DockingSim::update(OutputGroup group) {
 }
 
 const Outputs& DockingSim::outputs() {
-  for (OutputGroup group :
-       {OutputGroup::kMain, OutputGroup::kMomentum, OutputGroup::kLoops, OutputGroup::kStack}) {
-    update(group);
-  }
+  for (OutputGroup group : kReadGroups) update(group);
   return impl_->outputs;
 }
 
@@ -289,10 +293,9 @@ void DockingSim::Impl::check_restored() {
                      " is not a unit quaternion");
   }
   Status status = update_states();
-  if (status.ok()) status = update_main();
-  if (status.ok()) status = update_momentum();
-  if (status.ok()) status = update_loops();
-  if (status.ok()) status = update_stack();
+  for (OutputGroup group : kReadGroups) {
+    if (status.ok()) status = update(group);
+  }
   if (!status.ok()) {
     throw ModelError("the saved state is damaged: " + describe(status));
   }

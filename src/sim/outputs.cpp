@@ -42,23 +42,18 @@ std::array<double, kPeakCount> find_peak_values(const DockingModel& model, const
 }
 
 Status DockingSim::Impl::update(OutputGroup group) {
-  switch (group) {
-    case OutputGroup::kMain:
-      return update_main();
-    case OutputGroup::kMomentum:
-      return update_momentum();
-    case OutputGroup::kLoops:
-      return update_loops();
-    case OutputGroup::kStack:
-      return update_stack();
-    case OutputGroup::kStateVector:
-      return update_states();
-    case OutputGroup::kCoupling:
-      update_coupling();
-      break;
-    case OutputGroup::kCount:
-      break;
+  if (group == OutputGroup::kStateVector) return update_states();
+  if (group == OutputGroup::kCoupling) {
+    update_coupling();
+    return {};
   }
+  read_inputs();
+  const Status status = evaluate_present();
+  if (!status.ok()) return status;
+  if (group == OutputGroup::kMain) update_main();
+  if (group == OutputGroup::kMomentum) update_momentum();
+  if (group == OutputGroup::kLoops) update_loops();
+  if (group == OutputGroup::kStack) update_stack();
   return {};
 }
 
@@ -69,11 +64,8 @@ double DockingSim::Impl::tell_time(double since_start) const {
   return time == kNoTime ? std::nextafter(kNoTime, 0.0) : time;
 }
 
-Status DockingSim::Impl::update_main() {
-  read_inputs();
+void DockingSim::Impl::update_main() {
   update_due_mean_loads();
-  const Status status = evaluate_present();
-  if (!status.ok()) return status;
   read_outputs<double>(find_source(), outputs);
   outputs.time = setup->t_start + find_point_time();
   // Loads of a pending step are not booked yet, but those of this point have occurred.
@@ -110,7 +102,6 @@ Status DockingSim::Impl::update_main() {
   outputs.solver_chosen_rtol = step_loop->method().is_fixed_step() ? 0.0 : step_loop->method().rtol;
   outputs.solver_chosen_step = step_loop->method().is_fixed_step() ? inner_step : 0.0;
   outputs.solver_error_estimate = measured_error.value_or(chosen.error_estimate);
-  return {};
 }
 
 std::string DockingSim::Impl::describe_left_out() const {
@@ -125,36 +116,25 @@ std::string DockingSim::Impl::describe_left_out() const {
        step_loop->method().is_fixed_step() ? 0.0 : parameters.accuracy});
 }
 
-Status DockingSim::Impl::update_momentum() {
-  read_inputs();
-  const Status status = evaluate_present();
-  if (!status.ok()) return status;
+void DockingSim::Impl::update_momentum() {
   read_momentum<double>(find_source(), outputs);
   outputs.momentum_residual =
       std::max(momentum_audit.residual,
                find_momentum_residual(*model, shown(), step_loop->point_y(), momentum_audit));
-  return {};
 }
 
-Status DockingSim::Impl::update_stack() {
-  read_inputs();
-  const Status status = evaluate_present();
-  if (!status.ok() || !model->moves[kChaser] || !model->moves[kTarget]) return status;
+void DockingSim::Impl::update_stack() {
+  if (!model->moves[kChaser] || !model->moves[kTarget]) return;
   const VehicleBody stack = find_stack(*model, find_source().data);
   outputs.stack_mass = stack.mass;
   outputs.stack_com = stack.com;
   outputs.stack_inertia = get_components(stack.inertia);
-  return {};
 }
 
-Status DockingSim::Impl::update_loops() {
-  read_inputs();
-  const Status status = evaluate_present();
-  if (!status.ok()) return status;
+void DockingSim::Impl::update_loops() {
   const bool moves = !shown().locked;
   outputs.solver_closure_residual =
       std::max(moves ? find_closure_residual(model->mechanism, shown().mechanism) : 0.0, drift);
-  return {};
 }
 
 Status DockingSim::Impl::update_states() {

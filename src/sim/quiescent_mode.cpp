@@ -235,7 +235,6 @@ void QuiescentMode::lock(const double* y) {
   DockingData<double>& data = evaluator_.present();
   calc_mechanism_position(*model_, y_.data(), data);  // this pose was evaluated before
   data.vehicle[kChaser] = get_vehicle_pose(*model_, kChaser, y_.data());
-  data.capture = find_capture_motion(*model_, data.mechanism.tree);
   lock_mechanism(*model_, data, locked_);
 }
 

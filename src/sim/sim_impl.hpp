@@ -208,10 +208,10 @@ struct DockingSim::Impl : SimState {
   double find_earliest_contact(double gap) const;
   Status update(OutputGroup group);
   double tell_time(double since_start) const;
-  Status update_main();
-  Status update_momentum();
-  Status update_loops();
-  Status update_stack();
+  void update_main();
+  void update_momentum();
+  void update_loops();
+  void update_stack();
   Status update_states();
   void update_phase_outputs();
   std::string describe_left_out() const;

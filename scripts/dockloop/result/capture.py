@@ -37,8 +37,9 @@ def explain_capture(values: Mapping[str, float]) -> str | None:
     if "capture.reason" not in values:
         return None
     outcome = name_choice("outcome", values["outcome"]) if "outcome" in values else ""
-    if outcome in AFTER_CAPTURE and happened(values.get("time_of_capture", NO_TIME)):
-        return f"captured at {values['time_of_capture']:.3f} s, then {outcome}"
+    capture = values.get("time_of_capture", NO_TIME)
+    if outcome in AFTER_CAPTURE and happened(capture):
+        return f"captured at {capture:.3f} s, then {outcome}"
     held = _list(values, "latched[{}]")
     some = f"with {sum(map(bool, held))} of {len(held)} latches held" if any(held) else ""
     free = [i for i, holds in enumerate(held) if not holds]
@@ -55,8 +56,8 @@ def explain_capture(values: Mapping[str, float]) -> str | None:
     }
     reason = name_choice("capture.reason", values["capture.reason"])
     parts = [part for part in why[reason] if part]
-    if happened(values.get("time_of_capture", NO_TIME)) and reason != "none":
-        parts.insert(0, f"captured at {values['time_of_capture']:.3f} s, but latches let go again")
+    if happened(capture) and reason != "none":
+        parts.insert(0, f"captured at {capture:.3f} s, but latches let go again")
     return ", ".join(parts)
 
 

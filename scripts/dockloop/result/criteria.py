@@ -28,7 +28,7 @@ from dockloop.native.core import list_loads, read_choices
 from dockloop.native.variables import Variable, happened
 
 Values = Mapping[str, Any]
-NEVER = ("time_of_contact", "time_of_capture")  # negative: it did not happen
+NEVER = ("time_of_contact", "time_of_capture")  # see has_happened()
 PEAK = "capture.peak."
 PEAK_TIME = "capture.peak_time."
 _LONGEST = 500  # characters of a criterion

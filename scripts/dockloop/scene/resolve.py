@@ -503,9 +503,14 @@ def _as_toml(word: re.Match) -> str:
 
 def is_scene_key(name: str) -> bool:
     """Return whether a name is a key of scenes; if not, it is a start value of the FMU."""
+    return find_key(name) is not None or name.startswith(OPEN_KEYS)
+
+
+def find_key(name: str) -> dict | None:
+    """Return the node of the schema of a key, or of the vector of which it is one number."""
     whole, _, last = name.rpartition(".")
     known = scene_members()
-    return name in known or name.startswith(OPEN_KEYS) or (last.isdecimal() and whole in known)
+    return known.get(whole if last.isdecimal() and name not in known else name)
 
 
 @cache

@@ -6,7 +6,6 @@ Names are checked once, against the members of scenes and the variables of the c
 import copy
 import hashlib
 import json
-import re
 from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -41,7 +40,7 @@ from dockloop.runs.docking import run
 from dockloop.runs.outcome import Result
 from dockloop.scene.blame import find_guilty
 from dockloop.scene.placement import find_idleness, find_placement
-from dockloop.scene.resolve import SceneReader, is_scene_key, scene_members
+from dockloop.scene.resolve import SceneReader, find_key, is_scene_key, scene_members
 from dockloop.scene.values import as_setting
 from dockloop.sweeps.cases import Job, list_case_points
 from dockloop.sweeps.journal import make_digest
@@ -434,8 +433,7 @@ class Planner:
         first = self._match(name)[0]
         variable = self.variables.get(first)
         own = variable.unit if variable is not None else ""
-        whole = re.sub(r"\.\d+$", "", first)  # of one number of a vector
-        own = own or scene_members().get(whole, {}).get("unit", "")
+        own = own or (find_key(first) or {}).get("unit", "")
         if unit and own and unit != own and find_factor(unit, own) != 1.0:
             raise UsageError(
                 f"{shown(self._sweep.path)}: the unit of '{name}' is '{unit}': must be {own};"
